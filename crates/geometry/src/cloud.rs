@@ -1,0 +1,69 @@
+//! Point clouds: what a depth camera sees, cropped and thinned to a fixed count.
+
+use crate::Vec3;
+
+/// Farthest-point sampling: `count` indices into `points`, each next one farthest from those before.
+///
+/// Starts at the first point; ties go to the lower index. With fewer points than asked for, the
+/// order repeats from its beginning. Empty input gives no indices.
+pub fn farthest_points(points: &[Vec3], count: usize) -> Vec<usize> {
+    if points.is_empty() {
+        return Vec::new();
+    }
+    let distinct = count.min(points.len());
+    let mut chosen = Vec::with_capacity(count);
+    let mut distance = vec![f32::INFINITY; points.len()];
+    let mut next = 0;
+    while chosen.len() < distinct {
+        chosen.push(next);
+        let from = points[next];
+        let mut farthest = -1.0;
+        for (i, (point, nearest)) in points.iter().zip(&mut distance).enumerate() {
+            *nearest = nearest.min(from.distance_squared(*point));
+            if *nearest > farthest {
+                (farthest, next) = (*nearest, i);
+            }
+        }
+    }
+    for i in distinct..count {
+        chosen.push(chosen[i - distinct]);
+    }
+    chosen
+}
+
+/// The mean of the points (m), summed in double precision; zero if there are none.
+pub fn centroid(points: &[Vec3]) -> Vec3 {
+    let mut sum = [0.0f64; 3];
+    for point in points {
+        for (sum, x) in sum.iter_mut().zip(point.to_array()) {
+            *sum += x as f64;
+        }
+    }
+    let count = points.len().max(1) as f64;
+    Vec3::from_array(sum.map(|x| (x / count) as f32))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn line(count: usize) -> Vec<Vec3> {
+        (0..count).map(|i| Vec3::new(i as f32, 0.0, 0.0)).collect()
+    }
+
+    #[test]
+    fn the_farthest_comes_next() {
+        assert_eq!(farthest_points(&line(9), 5), [0, 8, 4, 2, 6]);
+    }
+
+    #[test]
+    fn few_points_repeat_in_order() {
+        assert_eq!(farthest_points(&line(2), 5), [0, 1, 0, 1, 0]);
+        assert!(farthest_points(&[], 5).is_empty());
+    }
+
+    #[test]
+    fn centroid_of_a_line_is_its_middle() {
+        assert_eq!(centroid(&line(5)), Vec3::new(2.0, 0.0, 0.0));
+    }
+}

@@ -1,0 +1,99 @@
+//! Numbers in the buffer of a GLB file.
+//!
+//! Also quantised ones (KHR_mesh_quantization): they need nothing but their component type.
+
+use super::glb::{malformed, unsupported};
+use super::read::excerpt;
+use super::{MeshError, Place};
+use gltf::json::accessor::{ComponentType, Type};
+use gltf::json::validation::Checked;
+use gltf::json::{Accessor, Index, Root};
+
+/// Rows of numbers in the buffer.
+pub(super) struct Column<'a> {
+    data: &'a [u8],
+    pub(super) count: usize,
+    stride: usize,
+    component: ComponentType,
+    is_normalized: bool,
+}
+
+impl<'a> Column<'a> {
+    /// An accessor of the given kind, checked: each of its values lies within the buffer.
+    pub(super) fn new(
+        root: &Root,
+        buffer: &'a [u8],
+        index: Index<Accessor>,
+        kind: Type,
+    ) -> Result<Self, MeshError> {
+        let place = Place::Entry("accessor", index.value());
+        let accessor = root.get(index);
+        let accessor = accessor.ok_or_else(|| {
+            malformed(place, "an existing accessor", root.accessors.len().to_string())
+        })?;
+        let (Checked::Valid(component), Checked::Valid(found)) =
+            (&accessor.component_type, &accessor.type_)
+        else {
+            return Err(malformed(place, "a component type and a type", "unknown ones".to_owned()));
+        };
+        let component = component.0;
+        let is_index =
+            matches!(component, ComponentType::U8 | ComponentType::U16 | ComponentType::U32);
+        if *found != kind || (kind == Type::Scalar && !is_index) {
+            let expected = if kind == Type::Vec3 { "VEC3" } else { "SCALAR of unsigned integers" };
+            return Err(malformed(place, expected, format!("{found:?} of {component:?}")));
+        }
+        if accessor.sparse.is_some() {
+            return Err(unsupported("sparse accessors".to_owned()));
+        }
+        let view = accessor.buffer_view.and_then(|view| root.get(view));
+        let view = view.ok_or_else(|| malformed(place, "a buffer view", "none".to_owned()))?;
+        if let Some(uri) = root.get(view.buffer).and_then(|buffer| buffer.uri.as_deref()) {
+            return Err(MeshError::External { uri: excerpt(uri.as_bytes()) });
+        }
+        let size = (component.size() * kind.multiplicity()) as u64;
+        let stride = view.byte_stride.map_or(0, |stride| stride.0) as u64;
+        let stride = if stride == 0 { size } else { stride };
+        let offset = accessor.byte_offset.unwrap_or_default().0;
+        let start = offset.checked_add(view.byte_offset.unwrap_or_default().0);
+        let count = accessor.count.0;
+        let length = count.saturating_sub(1).checked_mul(stride).and_then(|x| x.checked_add(size));
+        let end = start.zip(length).and_then(|(start, length)| start.checked_add(length));
+        let data = start.zip(end).and_then(|(start, end)| {
+            buffer.get(usize::try_from(start).ok()?..usize::try_from(end).ok()?)
+        });
+        match data {
+            Some(data) if stride >= size && view.buffer.value() == 0 => Ok(Self {
+                data,
+                count: count as usize,
+                stride: stride as usize,
+                component,
+                is_normalized: accessor.normalized,
+            }),
+            _ if count == 0 => Err(malformed(place, "at least one value", "none".to_owned())),
+            _ => {
+                let found = format!("{count} values every {stride} bytes of {}", buffer.len());
+                Err(malformed(place, "values within the buffer", found))
+            }
+        }
+    }
+
+    /// One number; `row < count`.
+    pub(super) fn value(&self, row: usize, axis: usize) -> f64 {
+        let at = row * self.stride + axis * self.component.size();
+        let mut raw = [0; 4];
+        for (to, from) in raw.iter_mut().zip(self.data[at..].iter().take(self.component.size())) {
+            *to = *from;
+        }
+        let bits = u32::from_le_bytes(raw);
+        let (value, largest) = match self.component {
+            ComponentType::I8 => (f64::from(bits as i8), f64::from(i8::MAX)),
+            ComponentType::U8 => (f64::from(bits), f64::from(u8::MAX)),
+            ComponentType::I16 => (f64::from(bits as i16), f64::from(i16::MAX)),
+            ComponentType::U16 => (f64::from(bits), f64::from(u16::MAX)),
+            ComponentType::U32 => (f64::from(bits), f64::from(u32::MAX)),
+            ComponentType::F32 => return f64::from(f32::from_bits(bits)),
+        };
+        if self.is_normalized { (value / largest).max(-1.0) } else { value }
+    }
+}
