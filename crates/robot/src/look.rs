@@ -1,0 +1,1 @@
+//! What the robot looks like. Stub until lofts exist.
