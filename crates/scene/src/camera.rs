@@ -1,0 +1,143 @@
+//! A depth camera by ray casting: it sees the object's mesh, the table and the robot, not their collision parts.
+
+use crate::config::{CameraConfig, SceneConfig, vec3};
+use geometry::mesh::Mesh;
+use geometry::{Pose, Vec3};
+use rapier3d::parry::bounding_volume::BoundingSphere;
+use rapier3d::parry::query::Ray;
+use rapier3d::parry::shape::{Cuboid, SharedShape, TriMesh};
+use robot::{JointVector, Tree, rotation};
+
+/// Depth along the optical axis (m), row by row from the upper left; 0 where nothing was measured.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DepthImage {
+    /// Pixels per row.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// One value per pixel.
+    pub depth: Vec<f32>,
+}
+
+/// A surface that the camera can see.
+pub struct Surface {
+    shape: SharedShape,
+    world_from_surface: Pose,
+    sphere: BoundingSphere,
+}
+
+/// The camera in its place.
+#[derive(Clone, Debug)]
+pub struct Camera {
+    /// Pose of the camera: x to the right, y down, z into the scene.
+    pub world_from_camera: Pose,
+    width: usize,
+    height: usize,
+    /// Focal length (pixels).
+    focal: f32,
+    range: [f32; 2],
+}
+
+impl Surface {
+    /// A mesh in the world; `None` if it has no triangle.
+    pub fn of_mesh(mesh: &Mesh, world_from_mesh: &Pose) -> Option<Self> {
+        let mesh = TriMesh::new(mesh.vertices.clone(), mesh.triangles.clone()).ok()?;
+        Some(Self::new(SharedShape::new(mesh), *world_from_mesh))
+    }
+
+    /// Table and robot standing in `q`: all that the camera sees besides the object.
+    pub fn of_surroundings(config: &SceneConfig, tree: &Tree, q: &JointVector) -> Vec<Self> {
+        let table = SharedShape::new(Cuboid::new(vec3(config.table.half)));
+        let center = Pose::from_translation(vec3(config.table.center));
+        let mut surfaces = vec![Self::new(table, center)];
+        let kinematics = tree.kinematics(q);
+        for (body, world_from_body) in tree.bodies.iter().zip(&kinematics.world_from_body) {
+            for shape in &body.shapes {
+                let Some(solid) = shape.solid() else { continue };
+                let world_from_solid = rotation::to_pose(world_from_body) * solid.pose;
+                surfaces.push(Self::new(solid.shape, world_from_solid));
+            }
+        }
+        surfaces
+    }
+
+    fn new(shape: SharedShape, world_from_surface: Pose) -> Self {
+        let sphere = shape.compute_bounding_sphere(&world_from_surface);
+        Self { shape, world_from_surface, sphere }
+    }
+
+    /// Distance along a ray with unit direction, if it hits within `reach`.
+    fn hit(&self, ray: &Ray, reach: f32) -> Option<f32> {
+        let offset = self.sphere.center - ray.origin;
+        let along = offset.dot(ray.dir);
+        let aside = offset.length_squared() - along * along;
+        if aside > self.sphere.radius * self.sphere.radius || along < -self.sphere.radius {
+            return None;
+        }
+        self.shape.cast_ray(&self.world_from_surface, ray, reach, true)
+    }
+}
+
+impl Camera {
+    /// Places the camera; its image is upright in the world.
+    pub fn new(config: &CameraConfig) -> Self {
+        let (position, target) = (vec3(config.position), vec3(config.target));
+        let forward = (target - position).normalize();
+        let right = forward.cross(Vec3::Z).normalize();
+        let down = forward.cross(right);
+        let rotation = glamx::Quat::from_mat3(&glamx::Mat3::from_cols(right, down, forward));
+        let half_angle = 0.5 * config.hfov_deg.to_radians();
+        Self {
+            world_from_camera: Pose::from_parts(position, rotation.normalize()),
+            width: config.width,
+            height: config.height,
+            focal: 0.5 * config.width as f32 / libm::tanf(half_angle),
+            range: config.range,
+        }
+    }
+
+    /// What the camera measures of `surfaces` without noise, no farther than `behind` where given.
+    pub fn render(&self, surfaces: &[Surface], behind: Option<&DepthImage>) -> DepthImage {
+        let mut depth = Vec::with_capacity(self.width * self.height);
+        for row in 0..self.height {
+            for column in 0..self.width {
+                let pixel = self.ray_direction(column as f32, row as f32);
+                let length = pixel.length();
+                let direction = self.world_from_camera.rotation * (pixel / length);
+                let ray = Ray::new(self.world_from_camera.translation, direction);
+                let before = behind.map_or(0.0, |image| image.depth[depth.len()]);
+                let mut reach = if before > 0.0 { before * length } else { self.range[1] * length };
+                let mut seen = before;
+                for surface in surfaces {
+                    if let Some(distance) = surface.hit(&ray, reach) {
+                        reach = distance;
+                        seen = distance / length;
+                    }
+                }
+                depth.push(if seen < self.range[0] { 0.0 } else { seen });
+            }
+        }
+        DepthImage { width: self.width, height: self.height, depth }
+    }
+
+    /// The measured points in the world, pixel by pixel.
+    pub fn points(&self, image: &DepthImage) -> Vec<Vec3> {
+        image
+            .depth
+            .iter()
+            .enumerate()
+            .filter(|(_, depth)| **depth > 0.0)
+            .map(|(pixel, &depth)| {
+                let (column, row) = (pixel % self.width, pixel / self.width);
+                self.world_from_camera * (self.ray_direction(column as f32, row as f32) * depth)
+            })
+            .collect()
+    }
+
+    /// Direction through the middle of a pixel, camera frame, with z = 1.
+    fn ray_direction(&self, column: f32, row: f32) -> Vec3 {
+        let x = (column + 0.5 - 0.5 * self.width as f32) / self.focal;
+        let y = (row + 0.5 - 0.5 * self.height as f32) / self.focal;
+        Vec3::new(x, y, 1.0)
+    }
+}
