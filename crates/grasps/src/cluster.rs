@@ -1,0 +1,77 @@
+//! Clusters of grasps by palm pose: k-medoids (paper §II-A).
+
+use robot::{Isometry, rotation};
+
+/// Metres that a radian of rotation counts for.
+const LEVER: f64 = 0.1;
+
+/// Distance of two palm poses (m): translation, and rotation at a lever of 10 cm.
+pub fn distance(a: &Isometry, b: &Isometry) -> f64 {
+    let moved = (a.translation.vector - b.translation.vector).norm();
+    let turned = rotation::angle_between(&a.rotation, &b.rotation);
+    libm::sqrt(moved * moved + LEVER * LEVER * turned * turned)
+}
+
+/// Indices of at most `count` medoids: greedy start (each next one lowers the cost most), then swaps
+/// until none helps. Deterministic; ties go to the lower index.
+pub fn medoids(poses: &[Isometry], count: usize) -> Vec<usize> {
+    let table: Vec<Vec<f64>> =
+        poses.iter().map(|a| poses.iter().map(|b| distance(a, b)).collect()).collect();
+    let cost = |medoids: &[usize]| -> f64 {
+        let nearest =
+            |row: &Vec<f64>| medoids.iter().map(|&m| row[m]).fold(f64::INFINITY, f64::min);
+        table.iter().map(nearest).sum()
+    };
+    let mut chosen: Vec<usize> = Vec::new();
+    for _ in 0..count.min(poses.len()) {
+        let candidates = (0..poses.len()).filter(|i| !chosen.contains(i));
+        let priced = candidates.map(|i| (cost(&[chosen.as_slice(), &[i]].concat()), i));
+        if let Some((_, best)) = priced.min_by(|a, b| a.0.total_cmp(&b.0)) {
+            chosen.push(best);
+        }
+    }
+    loop {
+        let before = cost(&chosen);
+        let mut best = (before, None);
+        for slot in 0..chosen.len() {
+            for i in (0..poses.len()).filter(|i| !chosen.contains(i)) {
+                let mut swapped = chosen.clone();
+                swapped[slot] = i;
+                let price = cost(&swapped);
+                if price < best.0 - 1e-12 {
+                    best = (price, Some((slot, i)));
+                }
+            }
+        }
+        match best.1 {
+            Some((slot, i)) => chosen[slot] = i,
+            None => return chosen,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn two_heaps_get_a_medoid_each() {
+        let at = |x: f64| Isometry::translation(x, 0.0, 0.0);
+        let poses: Vec<_> = [0.0, 0.1, 0.2, 5.0, 5.1, 5.2].map(at).to_vec();
+        let mut got = medoids(&poses, 2);
+        got.sort();
+        assert_eq!(got, [1, 4]);
+    }
+
+    #[test]
+    fn fewer_poses_than_clusters_are_all_kept() {
+        assert_eq!(medoids(&[Isometry::identity()], 7), [0]);
+        assert!(medoids(&[], 7).is_empty());
+    }
+
+    #[test]
+    fn a_turn_counts_as_its_lever() {
+        let turned = Isometry::rotation(robot::Vector::z() * 0.5);
+        assert!((distance(&Isometry::identity(), &turned) - 0.05).abs() < 1e-9);
+    }
+}

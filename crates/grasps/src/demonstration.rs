@@ -1,0 +1,241 @@
+//! Demonstrations: fabric motions out of a grasp, reversed, with a closing segment (paper §II-A).
+
+use crate::grasp::{object_solids, table_solid};
+use crate::{Posture, Robot, trial};
+use fabrics::planner::{Plan, PlannerConfig};
+use fabrics::terms::repulsion::Obstacle;
+use fabrics::{Fabric, FabricConfig, Goal};
+use geometry::Pose;
+use geometry::object::Object;
+use rand::{Rng, RngExt};
+use robot::{Isometry, JointState, JointVector, Vector, integrator, rotation};
+use scene::config::CONTROL_PERIOD;
+
+/// A motion into a grasp: from above the object through `touch` to `squeeze`, then a hold.
+#[derive(Clone, Debug)]
+pub struct Demonstration {
+    /// States, a control period apart; the first one has nearly no speed.
+    pub states: Vec<JointState>,
+    /// `accelerations[i]` leads from `states[i]` to `states[i + 1]` (Eq. 6, 7).
+    pub accelerations: Vec<JointVector>,
+    /// Index of the state at which the fingers touch.
+    pub touch: usize,
+    /// Least gap (m) of the robot from object and table before that.
+    pub clearance: f32,
+}
+
+/// How demonstrations are made.
+#[derive(Clone, Debug)]
+pub struct TrajectoryConfig {
+    /// Gap (m) of the fingertips at which the palm begins to leave.
+    pub clear: f32,
+    /// Least distance (m) of the start palm from the grasp.
+    pub least_distance: f64,
+    /// Deepest penetration (m) allowed before `touch`.
+    pub penetration: f32,
+    /// Rows from `touch` to `squeeze`: 0.3 s.
+    pub closing_rows: usize,
+    /// Rows of the hold: 0.5 s.
+    pub hold_rows: usize,
+    /// Joint speed (rad/s, norm) below which the far end is trimmed.
+    pub rest_speed: f64,
+}
+
+impl TrajectoryConfig {
+    /// Our values, where the paper is silent.
+    pub fn standard() -> Self {
+        Self {
+            clear: 0.005,
+            least_distance: 0.08,
+            penetration: 0.001,
+            closing_rows: 10,
+            hold_rows: 15,
+            rest_speed: 0.1,
+        }
+    }
+}
+
+/// Why a motion is no demonstration.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Flaw {
+    /// The fabric left the finite numbers or the joint limits.
+    Planner,
+    /// It stopped too close to the grasp.
+    Short,
+    /// It went through object or table.
+    Penetrates,
+    /// Physics did not lift the object.
+    NotLifted,
+}
+
+/// A pose of the palm above the object, drawn from the scene's box (paper Fig. 2).
+///
+/// `palm` gives the orientation, which is tilted a little; the box holds the middle between
+/// fingertips and thumb.
+pub fn draw_target(
+    robot: &Robot,
+    object: &Object,
+    world_from_object: &Pose,
+    palm: &Isometry,
+    rng: &mut impl Rng,
+) -> Isometry {
+    let region = &robot.config.target;
+    let [min, max] = object.bounds.map(rotation::to_vector);
+    let half = (max - min) * 0.5;
+    let mut draw = |reach: f64| rng.random_range(-reach..=reach);
+    let offset = Vector::new(draw(region.spread[0]) * half.x, draw(region.spread[1]) * half.y, 0.0);
+    let tilt = region.tilt_deg.to_radians();
+    let (axis, angle) = (Vector::new(draw(1.0), draw(1.0), draw(1.0)), draw(tilt));
+    let above = rng.random_range(region.above[0]..=region.above[1]);
+    let point = rotation::to_isometry(world_from_object)
+        .transform_point(&(offset + Vector::new(0.0, 0.0, max.z + above)).into())
+        .coords;
+    let turn = rotation::about(&(axis / axis.norm().max(1e-9)), angle) * palm.rotation;
+    Isometry::from_parts((point - turn * Vector::from(GRASP_CENTER)).into(), turn)
+}
+
+/// Middle between fingertips and thumb, palm frame (m).
+pub const GRASP_CENTER: [f64; 3] = [0.085, 0.0, 0.012];
+
+/// Plans out of the grasp to `target` and reverses.
+pub fn demonstrate(
+    robot: &Robot,
+    object: &Object,
+    world_from_object: &Pose,
+    posture: &Posture,
+    target: &Isometry,
+    config: &TrajectoryConfig,
+) -> Result<Demonstration, Flaw> {
+    let leaving = leave(robot, object, world_from_object, posture, target, config)?;
+    let palm = |state: &JointState| robot.tree.kinematics(&state.q).palm().translation.vector;
+    if (palm(leaving.last()) - palm(&leaving.states[0])).norm() < config.least_distance {
+        return Err(Flaw::Short);
+    }
+    let mut obstacles = object_solids(object, world_from_object);
+    obstacles.push(table_solid(&robot.config));
+    let gap = |state: &JointState| {
+        robot.solids.least_gap(&robot.tree.kinematics(&state.q), &obstacles, 0.05)
+    };
+    let clearance = leaving.states.iter().map(gap).fold(0.05, f32::min);
+    if clearance < -config.penetration {
+        return Err(Flaw::Penetrates);
+    }
+    let mut demonstration = reverse(&leaving, config.rest_speed);
+    demonstration.clearance = clearance;
+    let rest = [JointVector::zeros()];
+    let closing = trial::straight(&posture.touch, &posture.squeeze, config.closing_rows);
+    for qdd in closing.iter().chain(rest.iter().cycle().take(config.hold_rows)) {
+        let last = demonstration.states[demonstration.states.len() - 1];
+        demonstration.states.push(integrator::step(&last, qdd, CONTROL_PERIOD));
+        demonstration.accelerations.push(*qdd);
+    }
+    Ok(demonstration)
+}
+
+/// The motion out of the grasp: fingers open first, then the palm leaves.
+fn leave(
+    robot: &Robot,
+    object: &Object,
+    world_from_object: &Pose,
+    posture: &Posture,
+    target: &Isometry,
+    config: &TrajectoryConfig,
+) -> Result<Plan, Flaw> {
+    let tree = &robot.tree;
+    let solids = object_solids(object, world_from_object);
+    let obstacles = vec![
+        Obstacle { solids: vec![table_solid(&robot.config)], first_body: 3 },
+        Obstacle { solids: solids.clone(), first_body: 3 },
+    ];
+    let fabric = Fabric::new(tree, posture.touch, obstacles, FabricConfig::calm())
+        .map_err(|_| Flaw::Planner)?;
+    let hand = robot::hand_of(&posture.open);
+    let grasp_palm = tree.kinematics(&posture.touch).palm();
+    let planner = PlannerConfig::demonstration();
+    let mut plan = Plan::standing(JointState::at_rest(posture.touch));
+    let mut is_clear = false;
+    for row in 0..(planner.seconds / planner.dt) as usize {
+        let state = *plan.last();
+        if !is_clear {
+            let kinematics = tree.kinematics(&state.q);
+            let tip_gap =
+                tree.tips.map(|tip| robot.solids.gap(&kinematics, tip.body, &solids, 0.02));
+            is_clear = tip_gap.iter().all(|gap| *gap >= config.clear);
+        }
+        let palm = if is_clear { *target } else { grasp_palm };
+        let qdd = fabric.acceleration(&state, &Goal { palm, hand }).ok_or(Flaw::Planner)?;
+        plan.push(qdd, planner.dt);
+        let state = plan.last();
+        if !tree.limits.contains(&state.q, -0.02) {
+            return Err(Flaw::Planner);
+        }
+        if is_clear && row > 15 && state.qd.norm() < config.rest_speed {
+            return Ok(plan);
+        }
+    }
+    if is_clear { Ok(plan) } else { Err(Flaw::Planner) }
+}
+
+/// Reverses a motion: q_i = q_f[n-i], q̇_i = -q̇_f[n-i], q̈_i = q̈_f[n-i-1]; slow rows at what becomes
+/// the beginning are left out.
+pub fn reverse(forward: &Plan, rest_speed: f64) -> Demonstration {
+    let n = forward.accelerations.len();
+    let back = |state: &JointState| JointState { q: state.q, qd: -state.qd };
+    let states: Vec<JointState> = forward.states.iter().rev().map(back).collect();
+    let accelerations: Vec<JointVector> = forward.accelerations.iter().rev().copied().collect();
+    let slow = states.iter().take_while(|state| state.qd.norm() < rest_speed).count();
+    let first = slow.saturating_sub(1).min(n);
+    Demonstration {
+        states: states[first..].to_vec(),
+        accelerations: accelerations[first..].to_vec(),
+        touch: n - first,
+        clearance: 0.0,
+    }
+}
+
+/// Rows before `touch` at which a replay sets in: until then the hand moves freely, and physics
+/// follows the commands to a fraction of a degree.
+const LEAD_ROWS: usize = 12;
+
+/// Plays the end of a demonstration back in physics, lifts, and says whether the object is held.
+pub fn replays(
+    robot: &Robot,
+    object: &Object,
+    world_from_object: &Pose,
+    demonstration: &Demonstration,
+    hold_seconds: f64,
+) -> Result<bool, scene::SceneError> {
+    let rows = &demonstration.states[demonstration.touch.saturating_sub(LEAD_ROWS)..];
+    let start = rows[0].q;
+    let (config, tree) = (&robot.config, &robot.tree);
+    let mut scene = scene::Scene::new(config, tree, object, world_from_object, &start)?;
+    for pair in rows.windows(2) {
+        scene.follow(&pair[0], &pair[1]);
+    }
+    let last = JointState::at_rest(demonstration.states[demonstration.states.len() - 1].q);
+    let outcome = trial::lift_and_hold(config, tree, &mut scene, &last, hold_seconds)?;
+    Ok(matches!(outcome, trial::TrialOutcome::Lifted { .. }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_reversed_motion_satisfies_eq6_and_eq7() {
+        let mut plan = Plan::standing(JointState::at_rest(JointVector::from_element(0.2)));
+        for k in 0..20 {
+            let qdd = JointVector::from_fn(|i, _| libm::sin((k * 3 + i) as f64) * 4.0);
+            plan.push(qdd, CONTROL_PERIOD);
+        }
+        let back = reverse(&plan, 0.0);
+        assert_eq!(back.states.len(), 21);
+        for (i, qdd) in back.accelerations.iter().enumerate() {
+            let next = integrator::step(&back.states[i], qdd, CONTROL_PERIOD);
+            let error =
+                (next.q - back.states[i + 1].q).amax() + (next.qd - back.states[i + 1].qd).amax();
+            assert!(error < 1e-12, "row {i} is off by {error}");
+        }
+        assert_eq!(back.states[20].qd.norm(), 0.0);
+    }
+}

@@ -1,0 +1,16 @@
+//! Grasps found by search: proposals around an object, kinematic closing, a wrench test, a trial in physics.
+//!
+//! In: an object. Out: grasps that lift it (paper §II-A). Knows nothing of networks.
+
+pub mod closing;
+pub mod cluster;
+pub mod demonstration;
+pub mod grasp;
+pub mod proposal;
+pub mod reach;
+pub mod search;
+pub mod squeeze;
+pub mod trial;
+
+pub use grasp::{Grasp, Posture};
+pub use reach::Robot;

@@ -1,0 +1,67 @@
+//! What planning a grasp needs to know of the robot, and where grasps are within reach.
+
+use crate::grasp::{Grasp, Posture};
+use crate::trial;
+use geometry::Pose;
+use geometry::object::Object;
+use robot::ik::IkConfig;
+use robot::solids::RobotSolids;
+use robot::{JointVector, Tree};
+use scene::{SceneConfig, SceneError};
+
+/// The robot in its scene.
+pub struct Robot {
+    /// The scene file.
+    pub config: SceneConfig,
+    /// Kinematics.
+    pub tree: Tree,
+    /// Collision shapes.
+    pub solids: RobotSolids,
+    /// Posture from which inverse kinematics starts and to which it is pulled.
+    pub nominal: JointVector,
+    ik: IkConfig,
+}
+
+/// Hand over the middle of the workspace, palm down, fingers forward, elbow up.
+const NOMINAL_ARM: [f64; robot::ARM] = [0.0, 1.45, 0.0, -1.8, 0.0, -1.75, 2.3];
+
+/// Least gap (m) of the open hand and the arm from table and object.
+const CLEARANCE: f32 = 0.002;
+
+impl Robot {
+    /// The standard robot in the standard scene.
+    pub fn standard() -> Result<Self, SceneError> {
+        let config = SceneConfig::standard()?;
+        let tree = Tree::iiwa7_allegro()?;
+        let solids = RobotSolids::new(&tree);
+        let nominal = robot::join(&NOMINAL_ARM, &config.robot.open);
+        Ok(Self { config, tree, solids, nominal, ik: IkConfig::precise() })
+    }
+
+    /// The posture of a grasp on an object, if the arm can take it without touching anything.
+    pub fn reach(
+        &self,
+        grasp: &Grasp,
+        object: &Object,
+        world_from_object: &Pose,
+    ) -> Option<Posture> {
+        let posture = grasp.posture(&self.tree, world_from_object, &self.nominal, &self.ik)?;
+        let (config, tree, solids) = (&self.config, &self.tree, &self.solids);
+        let gap = trial::clearance(config, tree, solids, object, world_from_object, &posture.open);
+        (gap >= CLEARANCE).then_some(posture)
+    }
+
+    /// All grasps within reach, the least moved arm first, with their indices in `grasps`.
+    pub fn options(
+        &self,
+        grasps: &[Grasp],
+        object: &Object,
+        world_from_object: &Pose,
+    ) -> Vec<(usize, Posture)> {
+        let reach = |(i, grasp)| Some((i, self.reach(grasp, object, world_from_object)?));
+        let mut options: Vec<_> = grasps.iter().enumerate().filter_map(reach).collect();
+        let moved = |posture: &Posture| (posture.open - self.nominal).norm();
+        options.sort_by(|a, b| moved(&a.1).total_cmp(&moved(&b.1)));
+        options
+    }
+}
