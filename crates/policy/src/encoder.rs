@@ -1,0 +1,159 @@
+//! The encoder: point cloud -> z by PointNet layers, and the decoder back (paper §III-D).
+//!
+//! A set-abstraction layer over neighbourhoods of 16 points, a second layer per neighbourhood, the
+//! maximum over all of them, and a linear read-out. The order of the points does not matter.
+
+use crate::mlp::{Mlp, elu};
+use crate::weights::{Tensors, WeightsError};
+use geometry::Vec3;
+
+/// Length of z.
+pub const LATENT: usize = 32;
+/// Points of a cloud.
+pub const CLOUD: usize = 512;
+/// Neighbourhood centres: the first points of a cloud in farthest-point order.
+pub const CENTERS: usize = 128;
+/// Points in a neighbourhood.
+pub const NEIGHBORS: usize = 16;
+/// Scale (m) of offsets within a neighbourhood.
+pub const LOCAL_SCALE: f32 = 0.02;
+/// Middle of the workspace (m), base frame, and the scale of positions about it.
+pub const WORKSPACE_MIDDLE: [f32; 3] = [0.6, 0.0, -0.15];
+/// Scale (m) of positions in the workspace.
+pub const WORKSPACE_SCALE: f32 = 0.2;
+
+/// Widths of the shared layers on (offset, centre) of each neighbour.
+pub const LOCAL_WIDTHS: [usize; 3] = [6, 32, 64];
+/// Widths of the shared layers on (neighbourhood feature, centre).
+pub const GLOBAL_WIDTHS: [usize; 3] = [67, 64, 256];
+/// Widths of the read-out.
+pub const READOUT_WIDTHS: [usize; 3] = [256, 128, LATENT];
+/// Widths of the decoder.
+pub const DECODER_WIDTHS: [usize; 4] = [LATENT, 256, 256, 3 * CLOUD];
+
+/// The encoder with its standardisation of z.
+#[derive(Clone, Debug)]
+pub struct Encoder {
+    local: Mlp,
+    global: Mlp,
+    readout: Mlp,
+    mean: Vec<f32>,
+    scale: Vec<f32>,
+}
+
+/// The decoder: z -> 512 points.
+#[derive(Clone, Debug)]
+pub struct Decoder {
+    mlp: Mlp,
+    mean: Vec<f32>,
+    scale: Vec<f32>,
+}
+
+/// Neighbourhoods of a cloud: for each centre the indices of its nearest points.
+pub fn neighborhoods(cloud: &[Vec3]) -> Vec<[usize; NEIGHBORS]> {
+    cloud[..CENTERS.min(cloud.len())]
+        .iter()
+        .map(|center| {
+            let mut nearest = [(f32::INFINITY, 0usize); NEIGHBORS];
+            for (i, point) in cloud.iter().enumerate() {
+                let distance = center.distance_squared(*point);
+                if distance < nearest[NEIGHBORS - 1].0 {
+                    let slot = nearest.partition_point(|n| n.0 <= distance);
+                    nearest[slot..].rotate_right(1);
+                    nearest[slot] = (distance, i);
+                }
+            }
+            nearest.map(|n| n.1)
+        })
+        .collect()
+}
+
+/// Inputs of the local layers for one neighbour: scaled offset, scaled centre.
+pub fn local_input(center: Vec3, point: Vec3) -> [f32; 6] {
+    let offset = (point - center) / LOCAL_SCALE;
+    let place = global_position(center);
+    [offset.x, offset.y, offset.z, place[0], place[1], place[2]]
+}
+
+/// A position in units of the workspace.
+pub fn global_position(point: Vec3) -> [f32; 3] {
+    ((point - Vec3::from_array(WORKSPACE_MIDDLE)) / WORKSPACE_SCALE).to_array()
+}
+
+impl Encoder {
+    /// Reads the encoder's layers and the mean and scale of z.
+    pub fn load(tensors: &Tensors) -> Result<Self, WeightsError> {
+        Ok(Self {
+            local: Mlp::load(tensors, "encoder.local", &LOCAL_WIDTHS)?,
+            global: Mlp::load(tensors, "encoder.global", &GLOBAL_WIDTHS)?,
+            readout: Mlp::load(tensors, "encoder.readout", &READOUT_WIDTHS)?,
+            mean: tensors.get("latent.mean", &[LATENT])?,
+            scale: tensors.get("latent.scale", &[LATENT])?,
+        })
+    }
+
+    /// z of a cloud in farthest-point order, standardised; `None` if the cloud is empty.
+    pub fn encode(&self, cloud: &[Vec3]) -> Option<Vec<f32>> {
+        let z = self.raw(cloud)?;
+        let standard = |((z, mean), scale): ((&f32, &f32), &f32)| (z - mean) / scale;
+        Some(z.iter().zip(&self.mean).zip(&self.scale).map(standard).collect())
+    }
+
+    /// z as the autoencoder knows it.
+    pub fn raw(&self, cloud: &[Vec3]) -> Option<Vec<f32>> {
+        if cloud.is_empty() {
+            return None;
+        }
+        let mut strongest = vec![f32::NEG_INFINITY; GLOBAL_WIDTHS[2]];
+        for (center, neighbors) in cloud.iter().zip(neighborhoods(cloud)) {
+            let mut feature = vec![f32::NEG_INFINITY; LOCAL_WIDTHS[2]];
+            for i in neighbors {
+                keep_largest(
+                    &mut feature,
+                    &activated(&self.local, &local_input(*center, cloud[i])),
+                );
+            }
+            feature.extend(global_position(*center));
+            keep_largest(&mut strongest, &activated(&self.global, &feature));
+        }
+        Some(self.readout.apply(&strongest))
+    }
+}
+
+impl Decoder {
+    /// Reads the decoder's layers and the mean and scale of z.
+    pub fn load(tensors: &Tensors) -> Result<Self, WeightsError> {
+        Ok(Self {
+            mlp: Mlp::load(tensors, "decoder", &DECODER_WIDTHS)?,
+            mean: tensors.get("latent.mean", &[LATENT])?,
+            scale: tensors.get("latent.scale", &[LATENT])?,
+        })
+    }
+
+    /// The cloud that a standardised z stands for.
+    pub fn decode(&self, z: &[f32]) -> Vec<Vec3> {
+        let raw: Vec<f32> = z
+            .iter()
+            .zip(&self.mean)
+            .zip(&self.scale)
+            .map(|((z, mean), scale)| z * scale + mean)
+            .collect();
+        let points = self.mlp.apply(&raw);
+        let middle = Vec3::from_array(WORKSPACE_MIDDLE);
+        points
+            .chunks_exact(3)
+            .map(|p| middle + Vec3::new(p[0], p[1], p[2]) * WORKSPACE_SCALE)
+            .collect()
+    }
+}
+
+/// Layers with ELU after the last one too.
+fn activated(mlp: &Mlp, x: &[f32]) -> Vec<f32> {
+    mlp.apply(x).into_iter().map(elu).collect()
+}
+
+fn keep_largest(largest: &mut [f32], values: &[f32]) {
+    for (largest, value) in largest.iter_mut().zip(values) {
+        *largest = largest.max(*value);
+    }
+}

@@ -1,0 +1,17 @@
+//! The networks as they run: point cloud -> z, and (q, q̇, z) -> q̈ (paper §III-B, §III-D).
+//!
+//! Plain Rust with a fixed order of every sum, so that an attempt has the same bits natively and in
+//! the browser. Training lives elsewhere and is held to this code by tests.
+
+pub mod encoder;
+pub mod fourier;
+pub mod head;
+pub mod mlp;
+pub mod model;
+pub mod ngf;
+pub mod weights;
+
+pub use encoder::{Encoder, LATENT};
+pub use model::{Model, Start};
+pub use ngf::Ngf;
+pub use weights::WeightsError;

@@ -1,0 +1,168 @@
+//! The Neural Geometric Fabric: five networks over (q, q̇, z), combined by Eq. 3 (paper §III-B).
+
+use crate::encoder::LATENT;
+use crate::fourier::{Block, FEATURES, Fourier};
+use crate::head::{Outputs, TRIANGLE, unit_velocity};
+use crate::mlp::Mlp;
+use crate::weights::{Tensors, WeightsError};
+use robot::{DOF, JointState, JointVector, Limits};
+
+/// Units of each hidden layer (paper: three of 512).
+pub const HIDDEN: usize = 512;
+
+/// Speed (rad/s) that counts as one in the network's input.
+pub const SPEED_SCALE: f64 = 1.0;
+
+/// What decides the inputs of the networks.
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct NgfConfig {
+    /// Units of each hidden layer.
+    pub hidden: usize,
+    /// Seed of the Fourier frequencies.
+    pub frequency_seed: u64,
+    /// Length scale of q, normalised to ±1 at the limits.
+    pub position_scale: f32,
+    /// Length scale of q̇: of the unit velocity, and of the velocity over [`SPEED_SCALE`].
+    pub velocity_scale: f32,
+    /// Length scale of z, standardised.
+    pub latent_scale: f32,
+}
+
+impl NgfConfig {
+    /// Sizes of the paper; seed and length scales are ours.
+    pub fn paper() -> Self {
+        Self {
+            hidden: HIDDEN,
+            frequency_seed: 2309,
+            position_scale: 1.0,
+            velocity_scale: 3.0,
+            latent_scale: 6.0,
+        }
+    }
+
+    /// Small networks for tests.
+    pub fn tiny() -> Self {
+        Self { hidden: 32, ..Self::paper() }
+    }
+}
+
+/// Which inputs a network has beside q and z.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Velocity {
+    /// The unit velocity.
+    Unit,
+    /// None.
+    Absent,
+    /// The velocity.
+    Full,
+}
+
+/// One of the five networks: its name in the weights, its velocity input, its outputs.
+#[derive(Clone, Copy, Debug)]
+pub struct Part {
+    /// Name in the weights file.
+    pub name: &'static str,
+    /// Velocity input.
+    pub velocity: Velocity,
+    /// Outputs.
+    pub outputs: usize,
+}
+
+/// F_g, F_χ, F_f, F_ψ, F_β (paper §III-B).
+pub const PARTS: [Part; 5] = [
+    Part { name: "geometry_metric", velocity: Velocity::Unit, outputs: TRIANGLE },
+    Part { name: "geometry", velocity: Velocity::Unit, outputs: DOF },
+    Part { name: "driving_metric", velocity: Velocity::Absent, outputs: TRIANGLE },
+    Part { name: "potential", velocity: Velocity::Absent, outputs: 1 },
+    Part { name: "damping", velocity: Velocity::Full, outputs: 1 },
+];
+
+impl Part {
+    /// The Fourier features of this network: q first, then velocity, then z.
+    pub fn fourier(&self, config: &NgfConfig, index: usize) -> Fourier {
+        let q = Block { size: DOF, length_scale: config.position_scale };
+        let qd = Block { size: DOF, length_scale: config.velocity_scale };
+        let z = Block { size: LATENT, length_scale: config.latent_scale };
+        let seed = config.frequency_seed + index as u64;
+        match self.velocity {
+            Velocity::Absent => Fourier::new(&[q, z], seed),
+            _ => Fourier::new(&[q, qd, z], seed),
+        }
+    }
+
+    /// Widths of the layers, features first.
+    pub fn widths(&self, config: &NgfConfig) -> [usize; 5] {
+        [FEATURES, config.hidden, config.hidden, config.hidden, self.outputs]
+    }
+}
+
+/// The inputs of one network (dimensionless): normalised q, velocity if it has one, z.
+pub fn inputs(part: &Part, limits: &Limits, state: &JointState, z: &[f32]) -> Vec<f32> {
+    let mut x: Vec<f32> = limits.normalize(&state.q).iter().map(|&q| q as f32).collect();
+    match part.velocity {
+        Velocity::Absent => {}
+        Velocity::Unit => x.extend(unit_velocity(&state.qd).iter().map(|&v| v as f32)),
+        Velocity::Full => x.extend(state.qd.iter().map(|&v| (v / SPEED_SCALE) as f32)),
+    }
+    x.extend(z);
+    x
+}
+
+/// The policy, ready to run.
+#[derive(Clone, Debug)]
+pub struct Ngf {
+    limits: Limits,
+    networks: Vec<(Fourier, Mlp)>,
+}
+
+impl Ngf {
+    /// Reads the five networks.
+    pub fn load(
+        tensors: &Tensors,
+        config: &NgfConfig,
+        limits: &Limits,
+    ) -> Result<Self, WeightsError> {
+        let network = |(i, part): (usize, &Part)| {
+            let mlp = Mlp::load(tensors, part.name, &part.widths(config))?;
+            Ok((part.fourier(config, i), mlp))
+        };
+        let networks =
+            PARTS.iter().enumerate().map(network).collect::<Result<_, WeightsError>>()?;
+        Ok(Self { limits: limits.clone(), networks })
+    }
+
+    /// What the networks say about a state, with ∂ψ/∂q by the chain rule through the features.
+    pub fn outputs(&self, state: &JointState, z: &[f32]) -> Outputs {
+        let features =
+            |i: usize| self.networks[i].0.features(&inputs(&PARTS[i], &self.limits, state, z));
+        let apply = |i: usize| self.networks[i].1.apply(&features(i));
+        let (fourier, potential) = &self.networks[3];
+        let at = features(3);
+        let gradient = fourier.pull_back(&at, &potential.gradient(&at), DOF);
+        let range = self.limits.upper - self.limits.lower;
+        Outputs {
+            geometry_metric: apply(0),
+            geometry: apply(1),
+            driving_metric: apply(2),
+            // q is normalised over its range, which spans two units.
+            potential_gradient: gradient
+                .iter()
+                .zip(&range)
+                .map(|(g, r)| g * (2.0 / r) as f32)
+                .collect(),
+            damping: apply(4)[0],
+        }
+    }
+
+    /// q̈ (rad/s²) at a state for an object z; `None` if it is not finite.
+    pub fn acceleration(&self, state: &JointState, z: &[f32]) -> Option<JointVector> {
+        let qdd = self.outputs(state, z).fabric(&state.qd).acceleration(&state.qd)?;
+        qdd.iter().all(|x| x.is_finite()).then_some(qdd)
+    }
+
+    /// The potential ψ(q, z).
+    pub fn potential(&self, state: &JointState, z: &[f32]) -> f32 {
+        let (fourier, mlp) = &self.networks[3];
+        mlp.apply(&fourier.features(&inputs(&PARTS[3], &self.limits, state, z)))[0]
+    }
+}

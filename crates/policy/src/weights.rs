@@ -1,0 +1,76 @@
+//! Weights from safetensors bytes: half or single precision, checked by name and shape.
+
+use half::f16;
+use safetensors::{Dtype, SafeTensors};
+
+/// Why weights cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum WeightsError {
+    /// Not a safetensors file, or damaged.
+    #[error("the weights are not a safetensors file, or it is damaged: {0}")]
+    Format(#[from] safetensors::SafeTensorError),
+    /// A tensor is missing.
+    #[error("the weights lack the tensor {0}; they belong to another architecture")]
+    Missing(String),
+    /// A tensor has another shape or type.
+    #[error("the tensor {name} should be {wanted:?} in f16 or f32, found {found:?} in {dtype:?}")]
+    Shape {
+        /// Tensor name.
+        name: String,
+        /// Shape that is needed.
+        wanted: Vec<usize>,
+        /// Shape in the file.
+        found: Vec<usize>,
+        /// Type in the file.
+        dtype: Dtype,
+    },
+    /// A value is not finite.
+    #[error("the tensor {0} holds a value that is not finite")]
+    NotFinite(String),
+    /// The configuration beside the weights does not parse.
+    #[error("the model's configuration is not valid: {0}")]
+    Config(#[from] serde_json::Error),
+}
+
+/// A parsed weights file.
+pub struct Tensors<'a>(SafeTensors<'a>);
+
+impl<'a> Tensors<'a> {
+    /// Parses the bytes; they are not copied.
+    pub fn parse(bytes: &'a [u8]) -> Result<Self, WeightsError> {
+        Ok(Self(SafeTensors::deserialize(bytes)?))
+    }
+
+    /// Values of a tensor in single precision, row-major.
+    pub fn get(&self, name: &str, shape: &[usize]) -> Result<Vec<f32>, WeightsError> {
+        let tensor = self.0.tensor(name).map_err(|_| WeightsError::Missing(name.to_owned()))?;
+        let bytes = tensor.data();
+        let values: Vec<f32> = match tensor.dtype() {
+            Dtype::F16 if tensor.shape() == shape => {
+                bytes.chunks_exact(2).map(|b| f16::from_le_bytes([b[0], b[1]]).to_f32()).collect()
+            }
+            Dtype::F32 if tensor.shape() == shape => bytes
+                .chunks_exact(4)
+                .map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]))
+                .collect(),
+            dtype => {
+                return Err(WeightsError::Shape {
+                    name: name.to_owned(),
+                    wanted: shape.to_vec(),
+                    found: tensor.shape().to_vec(),
+                    dtype,
+                });
+            }
+        };
+        if !values.iter().all(|x| x.is_finite()) {
+            return Err(WeightsError::NotFinite(name.to_owned()));
+        }
+        Ok(values)
+    }
+
+    /// Shape of a tensor.
+    pub fn shape(&self, name: &str) -> Result<Vec<usize>, WeightsError> {
+        let tensor = self.0.tensor(name).map_err(|_| WeightsError::Missing(name.to_owned()))?;
+        Ok(tensor.shape().to_vec())
+    }
+}
