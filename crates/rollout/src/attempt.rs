@@ -1,0 +1,427 @@
+//! The attempt itself. A run is its seed: pose, sensor noise and target are drawn from it in this order.
+
+use crate::approach::spline;
+use crate::episode::{Episode, row_of};
+use crate::verdict::{Failure, Story, Verdict};
+use crate::workcell::{RolloutError, Workcell, built_in_grasps, object_hash};
+use geometry::object::Object;
+use geometry::{Pose, Vec3};
+use grasps::demonstration::{self, TrajectoryConfig};
+use grasps::{search, trial};
+use policy::LATENT;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use robot::{Isometry, JointState, JointVector, integrator};
+use scene::config::{CONTROL_PERIOD, scene_hash};
+use scene::{Hold, Loss, Scene};
+
+/// Who moves the joints between start and lift.
+#[derive(Clone, Debug)]
+pub enum Controller {
+    /// The learned policy (decision: it integrates its own commanded state).
+    Policy,
+    /// The learned policy with z of another attempt (control b).
+    ShuffledLatent,
+    /// The learned policy with z = 0 (control c).
+    ZeroLatent,
+    /// Fingers closed by script at the start configuration (control a).
+    Script,
+    /// A demonstration planned for this pose, with knowledge of the object (control d).
+    Planner,
+    /// Recorded targets.
+    Replay {
+        /// States at the beginning and after each tick.
+        targets: Vec<JointState>,
+        /// Ticks before the lift.
+        lift_tick: usize,
+    },
+}
+
+/// What is going on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Phase {
+    /// The spline leads to the start configuration.
+    Approach,
+    /// The controller acts.
+    Policy,
+    /// The fabric lifts.
+    Lift,
+    /// The arm holds.
+    Hold,
+    /// There is a verdict.
+    Done,
+}
+
+/// An attempt in progress.
+pub struct Attempt {
+    scene: Scene,
+    object: Object,
+    name: String,
+    pose: [f32; 3],
+    seed: u64,
+    controller: Controller,
+    cloud: Vec<Vec3>,
+    z: Option<Vec<f32>>,
+    state: JointState,
+    plan: std::vec::IntoIter<JointState>,
+    phase: Phase,
+    phase_ticks: usize,
+    resting_ticks: usize,
+    lift_tick: usize,
+    hold: Option<Hold>,
+    story: Story,
+    verdict: Option<Verdict>,
+    targets: Vec<Vec<f64>>,
+}
+
+/// Distance (m) by which the approach may move the object.
+const APPROACH_SHIFT: f32 = 0.01;
+
+impl Attempt {
+    /// Draws the pose (unless given), takes the frame, encodes it, finds the start configuration.
+    pub fn begin(
+        workcell: &Workcell,
+        object: &Object,
+        name: &str,
+        pose: Option<[f32; 3]>,
+        seed: u64,
+        controller: Controller,
+    ) -> Result<Self, RolloutError> {
+        let robot = &workcell.robot;
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let drawn = search::random_pose(robot, &mut rng);
+        let pose = pose.unwrap_or(drawn);
+        let world_from_object = robot.config.upright(pose[0], pose[1], pose[2]);
+        let cloud = look(workcell, object, &world_from_object, &mut rng);
+        let nominal_palm = robot.tree.kinematics(&robot.nominal).palm();
+        let target =
+            demonstration::draw_target(robot, object, &world_from_object, &nominal_palm, &mut rng);
+
+        let home = robot.config.home();
+        let mut attempt = Self {
+            scene: Scene::new(&robot.config, &robot.tree, object, &world_from_object, &home)?,
+            object: object.clone(),
+            name: name.to_owned(),
+            pose,
+            seed,
+            controller,
+            cloud,
+            z: None,
+            state: JointState::at_rest(home),
+            plan: Vec::new().into_iter(),
+            phase: Phase::Approach,
+            phase_ticks: 0,
+            resting_ticks: 0,
+            lift_tick: 0,
+            hold: None,
+            story: Story { start: world_from_object.translation, highest: 0.0 },
+            verdict: None,
+            targets: Vec::new(),
+        };
+        attempt.targets.push(row_of(&attempt.state));
+        let rows = attempt.plan_approach(workcell, &world_from_object, &target, &mut rng)?;
+        match rows {
+            Some(rows) => attempt.plan = rows.into_iter(),
+            None => attempt.fail(Failure::Unreachable),
+        }
+        Ok(attempt)
+    }
+
+    /// Everything before the policy acts; `None` if there is no start configuration.
+    fn plan_approach(
+        &mut self,
+        workcell: &Workcell,
+        world_from_object: &Pose,
+        target: &Isometry,
+        rng: &mut ChaCha8Rng,
+    ) -> Result<Option<Vec<JointState>>, RolloutError> {
+        let robot = &workcell.robot;
+        let home = self.state.q;
+        let to = |q: &JointVector| spline(&home, q, &robot.tree.limits);
+        match &self.controller {
+            Controller::Replay { targets, .. } => {
+                Ok(Some(targets.iter().skip(1).copied().collect()))
+            }
+            Controller::Planner => {
+                let unknown = || RolloutError::NoGrasps(self.name.clone());
+                let set = built_in_grasps(&self.name).ok_or_else(unknown)?;
+                let object = &self.object;
+                let config = TrajectoryConfig::standard();
+                for (_, posture) in robot.options(&set.grasps, object, world_from_object) {
+                    let palm = robot.tree.kinematics(&posture.touch).palm();
+                    let above =
+                        demonstration::draw_target(robot, object, world_from_object, &palm, rng);
+                    let found = demonstration::demonstrate(
+                        robot,
+                        object,
+                        world_from_object,
+                        &posture,
+                        &above,
+                        &config,
+                    );
+                    let Ok(found) = found else { continue };
+                    let mut rows = to(&found.states[0].q);
+                    self.lift_tick = rows.len();
+                    rows.extend(&found.states[1..]);
+                    return Ok(Some(rows));
+                }
+                Ok(None)
+            }
+            _ => {
+                let model = workcell.model.as_ref().ok_or(RolloutError::NoModel)?;
+                let Some(z) = model.encoder.encode(&self.cloud) else { return Ok(None) };
+                let Some(start) = model.start(&z, target) else { return Ok(None) };
+                self.z = Some(match self.controller {
+                    Controller::ZeroLatent => vec![0.0; LATENT],
+                    Controller::ShuffledLatent => {
+                        let [x, y, yaw] = search::random_pose(robot, rng);
+                        let elsewhere = robot.config.upright(x, y, yaw);
+                        let cloud = look(workcell, &self.object, &elsewhere, rng);
+                        model.encoder.encode(&cloud).unwrap_or_else(|| vec![0.0; LATENT])
+                    }
+                    _ => z,
+                });
+                Ok(Some(to(&start.q)))
+            }
+        }
+    }
+
+    /// One control period.
+    pub fn tick(&mut self, workcell: &Workcell) {
+        if self.phase == Phase::Done {
+            return;
+        }
+        self.phase_ticks += 1;
+        let Some(next) = self.next_state(workcell) else { return };
+        self.scene.follow(&self.state, &next);
+        self.state = next;
+        self.targets.push(row_of(&next));
+        self.observe(workcell);
+    }
+
+    /// The commanded state after this tick; `None` once there is a verdict.
+    fn next_state(&mut self, workcell: &Workcell) -> Option<JointState> {
+        let planned = self.plan.next();
+        let is_free = self.phase == Phase::Policy && planned.is_none();
+        let next = match planned {
+            Some(next) => next,
+            None if is_free => self.controlled(workcell)?,
+            None => JointState::at_rest(self.state.q),
+        };
+        Some(next)
+    }
+
+    fn controlled(&mut self, workcell: &Workcell) -> Option<JointState> {
+        let (Some(model), Some(z)) = (&workcell.model, &self.z) else {
+            return Some(JointState::at_rest(self.state.q));
+        };
+        let Some(qdd) = model.ngf.acceleration(&self.state, z) else {
+            self.fail(Failure::NotFinite);
+            return None;
+        };
+        let limits = &workcell.robot.tree.limits;
+        let free = integrator::step(&self.state, &qdd, CONTROL_PERIOD);
+        let q = limits.clamp(&free.q, 0.0);
+        // A joint at its limit stops there.
+        let qd = JointVector::from_fn(|i, _| if q[i] == free.q[i] { free.qd[i] } else { 0.0 });
+        Some(JointState { q, qd })
+    }
+
+    /// Looks at the world after a tick and moves on to the next phase when it is time.
+    fn observe(&mut self, workcell: &Workcell) {
+        let protocol = &workcell.robot.config.attempt;
+        self.story.highest = self.story.highest.max(self.scene.object_height());
+        if !self.scene.is_finite() {
+            return self.fail(Failure::NotFinite);
+        }
+        let object = self.scene.object_pose().translation;
+        let is_replay = matches!(self.controller, Controller::Replay { .. });
+        match self.phase {
+            Phase::Approach if is_replay => {
+                let Controller::Replay { lift_tick, .. } = self.controller else { return };
+                if self.ticks() >= lift_tick {
+                    self.begin_lift(workcell);
+                }
+            }
+            Phase::Approach => {
+                let is_planned = matches!(self.controller, Controller::Planner);
+                if is_planned && self.phase_ticks >= self.lift_tick {
+                    self.enter(Phase::Policy);
+                } else if !is_planned {
+                    if object.distance(self.story.start) > APPROACH_SHIFT {
+                        return self.fail(Failure::Collided);
+                    }
+                    if self.plan.len() == 0 {
+                        self.enter(Phase::Policy);
+                        if matches!(self.controller, Controller::Script) {
+                            self.plan = script(&self.state.q, workcell).into_iter();
+                        }
+                    }
+                }
+            }
+            Phase::Policy => {
+                let rests = self.state.qd.norm() < protocol.rest_speed && self.plan.len() == 0;
+                self.resting_ticks = if rests { self.resting_ticks + 1 } else { 0 };
+                let elapsed = self.phase_ticks as f64 * CONTROL_PERIOD;
+                let rested = self.resting_ticks as f64 * CONTROL_PERIOD >= protocol.rest_seconds;
+                if rested || elapsed >= protocol.policy_seconds && self.plan.len() == 0 {
+                    self.begin_lift(workcell);
+                }
+            }
+            Phase::Lift | Phase::Hold => self.judge(workcell),
+            Phase::Done => {}
+        }
+    }
+
+    fn begin_lift(&mut self, workcell: &Workcell) {
+        self.lift_tick = self.ticks();
+        self.hold = Some(Hold::begin(&self.scene));
+        self.enter(Phase::Lift);
+        if matches!(self.controller, Controller::Replay { .. }) {
+            return;
+        }
+        let robot = &workcell.robot;
+        let start = JointState::at_rest(self.state.q);
+        match trial::plan_lift(&robot.config, &robot.tree, &start) {
+            Ok(Some(rows)) => {
+                self.plan = rows.into_iter();
+                self.plan.next();
+            }
+            _ => self.fail(Failure::NotFinite),
+        }
+    }
+
+    fn judge(&mut self, workcell: &Workcell) {
+        let protocol = &workcell.robot.config.attempt;
+        let hold_ticks = (protocol.hold_seconds / CONTROL_PERIOD).round() as usize;
+        let Some(hold) = &mut self.hold else { return };
+        hold.observe(&self.scene);
+        let slip = hold.slip;
+        let is_replay = matches!(self.controller, Controller::Replay { .. });
+        let remaining = self.plan.len();
+        let loss = hold.loss(&self.scene, protocol);
+        if self.phase == Phase::Lift {
+            if remaining == if is_replay { hold_ticks } else { 0 } {
+                self.enter(Phase::Hold);
+            }
+            return;
+        }
+        if let Some(loss) = loss {
+            let end = self.scene.object_pose().translation;
+            let reason = self.story.reason(end, loss == Loss::Slipped);
+            return self.fail(reason);
+        }
+        if self.phase_ticks >= hold_ticks {
+            self.finish(Verdict::Lifted { slip });
+        }
+    }
+
+    fn enter(&mut self, phase: Phase) {
+        self.phase = phase;
+        self.phase_ticks = 0;
+    }
+
+    fn fail(&mut self, reason: Failure) {
+        self.finish(Verdict::Failed { reason });
+    }
+
+    fn finish(&mut self, verdict: Verdict) {
+        self.verdict = Some(verdict);
+        self.enter(Phase::Done);
+    }
+
+    /// What is going on.
+    pub fn phase(&self) -> Phase {
+        self.phase
+    }
+
+    /// How it ended, once it has.
+    pub fn verdict(&self) -> Option<Verdict> {
+        self.verdict
+    }
+
+    /// Control periods so far.
+    pub fn ticks(&self) -> usize {
+        self.targets.len() - 1
+    }
+
+    /// The world as it is now.
+    pub fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    /// The commanded state.
+    pub fn commanded(&self) -> &JointState {
+        &self.state
+    }
+
+    /// The cloud that the camera saw, base frame.
+    pub fn cloud(&self) -> &[Vec3] {
+        &self.cloud
+    }
+
+    /// z, if a model acts.
+    pub fn latent(&self) -> Option<&[f32]> {
+        self.z.as_deref()
+    }
+
+    /// Pose of the object at the beginning: x, y (m), yaw (rad).
+    pub fn pose(&self) -> [f32; 3] {
+        self.pose
+    }
+
+    /// Hash of the present state, hex.
+    pub fn state_hash(&self) -> String {
+        self.scene.state_hash().to_hex().to_string()
+    }
+
+    /// Ticks through to the verdict.
+    pub fn run(&mut self, workcell: &Workcell) -> Verdict {
+        loop {
+            if let Some(verdict) = self.verdict {
+                return verdict;
+            }
+            self.tick(workcell);
+        }
+    }
+
+    /// The recording so far.
+    pub fn episode(&self) -> Episode {
+        Episode {
+            scene: scene_hash(),
+            object: object_hash(&self.object),
+            name: self.name.clone(),
+            pose: self.pose,
+            seed: self.seed,
+            targets: self.targets.clone(),
+            lift_tick: self.lift_tick,
+            verdict: self.verdict,
+            state_hash: self.state_hash(),
+        }
+    }
+}
+
+/// One noisy frame as a cloud.
+fn look(
+    workcell: &Workcell,
+    object: &Object,
+    world_from_object: &Pose,
+    rng: &mut ChaCha8Rng,
+) -> Vec<Vec3> {
+    let frame = workcell.eye.frame(&object.mesh, world_from_object, rng);
+    workcell.eye.cloud(&frame)
+}
+
+/// Fingers closed as far as they go, where the hand is.
+fn script(q: &JointVector, workcell: &Workcell) -> Vec<JointState> {
+    let limits = &workcell.robot.tree.limits;
+    let mut closed = *q;
+    for finger in 0..robot::FINGERS {
+        for joint in 1..4 {
+            let i = robot::ARM + 4 * finger + joint;
+            closed[i] = (q[i] + 0.9).min(limits.upper[i]);
+        }
+    }
+    spline(q, &closed, limits)
+}

@@ -1,0 +1,72 @@
+//! Recording an attempt and replaying it exactly, without the model.
+
+use crate::attempt::{Attempt, Controller};
+use crate::verdict::Verdict;
+use crate::workcell::{RolloutError, Workcell, object_hash};
+use geometry::object::Object;
+use robot::{DOF, JointState, JointVector};
+use scene::config::scene_hash;
+
+/// A recorded attempt: what was there, and the joint targets of every tick.
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Episode {
+    /// Hash of scene file and robot.
+    pub scene: String,
+    /// Hash of the object.
+    pub object: String,
+    /// Name of the object.
+    pub name: String,
+    /// Pose of the object at the beginning: x, y (m), yaw (rad).
+    pub pose: [f32; 3],
+    /// Seed of the attempt.
+    pub seed: u64,
+    /// Commanded q then q̇ of all joints at the beginning and after each tick.
+    pub targets: Vec<Vec<f64>>,
+    /// Ticks before the lift.
+    pub lift_tick: usize,
+    /// How it ended.
+    pub verdict: Option<Verdict>,
+    /// Hash of the final state, hex.
+    pub state_hash: String,
+}
+
+/// A state as a row of targets.
+pub(crate) fn row_of(state: &JointState) -> Vec<f64> {
+    state.q.iter().chain(state.qd.iter()).copied().collect()
+}
+
+fn state_of(row: &[f64]) -> JointState {
+    let value = |i: usize| row.get(i).copied().unwrap_or(f64::NAN);
+    JointState {
+        q: JointVector::from_fn(|i, _| value(i)),
+        qd: JointVector::from_fn(|i, _| value(DOF + i)),
+    }
+}
+
+impl Episode {
+    /// Steps physics through the recorded targets; gives the verdict and the final state hash.
+    pub fn replay(
+        &self,
+        workcell: &Workcell,
+        object: &Object,
+    ) -> Result<(Option<Verdict>, String), RolloutError> {
+        let foreign = |what, wanted: String, found: &String| {
+            let found = found.clone();
+            if wanted == found {
+                Ok(())
+            } else {
+                Err(RolloutError::Foreign { what, wanted, found })
+            }
+        };
+        foreign("scene", scene_hash(), &self.scene)?;
+        foreign("object", object_hash(object), &self.object)?;
+        let targets = self.targets.iter().map(|row| state_of(row)).collect();
+        let controller = Controller::Replay { targets, lift_tick: self.lift_tick };
+        let mut attempt =
+            Attempt::begin(workcell, object, &self.name, Some(self.pose), self.seed, controller)?;
+        while attempt.verdict().is_none() && attempt.ticks() + 1 < self.targets.len() {
+            attempt.tick(workcell);
+        }
+        Ok((attempt.verdict(), attempt.state_hash()))
+    }
+}

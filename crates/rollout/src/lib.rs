@@ -1,0 +1,15 @@
+//! One attempt, tick by tick: look, approach, policy, lift, hold, verdict (paper §IV).
+//!
+//! In: an object, a seed, who controls. Out: a verdict and a state hash that are the same natively and
+//! in the browser. Knows no files, threads or clocks.
+
+pub mod approach;
+pub mod attempt;
+pub mod episode;
+pub mod verdict;
+pub mod workcell;
+
+pub use attempt::{Attempt, Controller, Phase};
+pub use episode::Episode;
+pub use verdict::{Failure, Verdict};
+pub use workcell::{RolloutError, Workcell};

@@ -1,0 +1,115 @@
+//! The verdict of an attempt, and its reasons in words.
+
+use geometry::Vec3;
+
+/// How an attempt ended.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case", tag = "outcome")]
+pub enum Verdict {
+    /// Held for the whole time; greatest slip in the palm (m).
+    Lifted {
+        /// Greatest slip (m).
+        slip: f32,
+    },
+    /// Not held.
+    Failed {
+        /// Why.
+        reason: Failure,
+    },
+}
+
+/// Why an attempt failed.
+#[derive(
+    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize, serde::Deserialize,
+)]
+#[serde(rename_all = "snake_case")]
+pub enum Failure {
+    /// No start configuration, or no motion to it.
+    Unreachable,
+    /// The arm moved the object on its way.
+    Collided,
+    /// The hand closed beside the object.
+    Missed,
+    /// The hand moved the object away.
+    PushedAway,
+    /// The object slid or turned in the hand.
+    Slipped,
+    /// The object was lifted and lost.
+    Dropped,
+    /// The simulation or the policy left the finite numbers.
+    NotFinite,
+}
+
+impl Verdict {
+    /// Whether the object was lifted.
+    pub fn is_lifted(&self) -> bool {
+        matches!(self, Self::Lifted { .. })
+    }
+
+    /// The verdict for people.
+    pub fn words(&self) -> &'static str {
+        match self {
+            Self::Lifted { .. } => "Lifted and held.",
+            Self::Failed { reason } => reason.words(),
+        }
+    }
+}
+
+impl Failure {
+    /// The reason for people.
+    pub fn words(&self) -> &'static str {
+        match self {
+            Self::Unreachable => "Out of reach: no start configuration near the object.",
+            Self::Collided => "Collided: the arm moved the object on its way.",
+            Self::Missed => "Missed: the hand closed beside the object.",
+            Self::PushedAway => "Pushed away: the hand moved the object instead of holding it.",
+            Self::Slipped => "Slipped: the object slid or turned in the hand.",
+            Self::Dropped => "Dropped: the object was lifted and lost.",
+            Self::NotFinite => "The motion left the finite numbers.",
+        }
+    }
+}
+
+/// What the object did, for telling failures apart.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Story {
+    /// Where the object stood.
+    pub(crate) start: Vec3,
+    /// Its greatest height over the table so far (m).
+    pub(crate) highest: f32,
+}
+
+/// Height (m) from which an object counts as having been lifted.
+const RAISED: f32 = 0.03;
+/// Distance (m) from which a standing object counts as pushed.
+const PUSHED: f32 = 0.05;
+
+impl Story {
+    /// The reason for a failure that shows when the object ends at `end`, having slid out of the
+    /// palm or not.
+    pub(crate) fn reason(&self, end: Vec3, is_slipped: bool) -> Failure {
+        let moved = (end - self.start).truncate().length();
+        if self.highest > RAISED {
+            return if is_slipped && end.z - self.start.z > RAISED {
+                Failure::Slipped
+            } else {
+                Failure::Dropped
+            };
+        }
+        if moved > PUSHED { Failure::PushedAway } else { Failure::Missed }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn reasons_follow_the_object() {
+        let story = |highest| Story { start: Vec3::ZERO, highest };
+        assert_eq!(story(0.0).reason(Vec3::new(0.01, 0.0, 0.0), false), Failure::Missed);
+        assert_eq!(story(0.0).reason(Vec3::new(0.09, 0.0, 0.0), false), Failure::PushedAway);
+        assert_eq!(story(0.1).reason(Vec3::ZERO, true), Failure::Dropped);
+        assert_eq!(story(0.1).reason(Vec3::new(0.0, 0.0, 0.1), true), Failure::Slipped);
+    }
+}

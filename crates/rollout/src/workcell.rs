@@ -1,0 +1,90 @@
+//! What attempts share: robot, camera, model, and the grasps that the planner knows.
+
+use geometry::object::Object;
+use grasps::Robot;
+use grasps::search::GraspSet;
+use policy::{Model, WeightsError};
+use scene::SceneError;
+use scene::cloud::Eye;
+
+/// Why an attempt cannot begin; failures during an attempt are verdicts.
+#[derive(Debug, thiserror::Error)]
+pub enum RolloutError {
+    /// The scene cannot be set up.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// The model cannot be used.
+    #[error(transparent)]
+    Weights(#[from] WeightsError),
+    /// The policy was asked to act without a model.
+    #[error("no model is loaded; train one, or let the planner act")]
+    NoModel,
+    /// The planner was asked to act on an object without grasps.
+    #[error("the planner knows no grasps of {0}; it only acts on the objects it was prepared for")]
+    NoGrasps(String),
+    /// An episode belongs to another scene or object.
+    #[error("the episode was recorded with another {what}: {found} instead of {wanted}")]
+    Foreign {
+        /// What differs.
+        what: &'static str,
+        /// The hash here.
+        wanted: String,
+        /// The hash in the episode.
+        found: String,
+    },
+}
+
+/// Robot and camera in their scene, with what they have learned.
+pub struct Workcell {
+    /// The robot.
+    pub robot: Robot,
+    /// The camera.
+    pub eye: Eye,
+    /// The learned policy, once it is there.
+    pub model: Option<Model>,
+}
+
+impl Workcell {
+    /// The standard scene without a model.
+    pub fn new() -> Result<Self, RolloutError> {
+        let robot = Robot::standard()?;
+        let eye = Eye::new(&robot.config, &robot.tree);
+        Ok(Self { robot, eye, model: None })
+    }
+
+    /// Loads a model from the bytes of its three files.
+    pub fn load_model(
+        &mut self,
+        weights: &[u8],
+        starts: &[u8],
+        config: &[u8],
+    ) -> Result<(), RolloutError> {
+        self.model = Some(Model::load(weights, starts, config, &self.robot.tree)?);
+        Ok(())
+    }
+}
+
+/// BLAKE3 over an object's mesh, parts and mass, hex.
+pub fn object_hash(object: &Object) -> String {
+    let mut hasher = blake3::Hasher::new();
+    let points = object.mesh.vertices.iter().chain(object.parts.iter().flatten());
+    for x in points.flat_map(|p| p.to_array()).chain([object.mass, object.friction]) {
+        hasher.update(&x.to_bits().to_le_bytes());
+    }
+    for triangle in &object.mesh.triangles {
+        triangle.iter().for_each(|i| {
+            hasher.update(&i.to_le_bytes());
+        });
+    }
+    hasher.finalize().to_hex().to_string()
+}
+
+/// Grasps that come with the project for an object of this file name.
+pub fn built_in_grasps(name: &str) -> Option<GraspSet> {
+    let text = match name {
+        "sugar_box" => include_str!("../../../assets/grasps/sugar_box.json"),
+        "bleach" => include_str!("../../../assets/grasps/bleach.json"),
+        _ => return None,
+    };
+    serde_json::from_str(text).ok()
+}
