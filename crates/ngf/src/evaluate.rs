@@ -1,0 +1,104 @@
+//! `ngf evaluate`: attempts by the protocol, with controls, as a table and as JSON.
+
+use crate::objects::ObjectOptions;
+use anyhow::{Context, Result};
+use imitation::evaluation::{self, Report};
+use imitation::store;
+use indicatif::ProgressBar;
+use rollout::{Controller, Workcell};
+use std::path::{Path, PathBuf};
+
+/// What to evaluate.
+#[derive(clap::Args)]
+pub(crate) struct Options {
+    /// Model by name (a folder of models/) or by folder; `planner` needs none.
+    #[arg(long, value_name = "NAME|DIR")]
+    model: String,
+    #[command(flatten)]
+    object: ObjectOptions,
+    /// Attempts.
+    #[arg(long, default_value_t = 100)]
+    attempts: usize,
+    /// Seed of the first attempt.
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// Where to write the report.
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+    /// Evaluate the controls too.
+    #[arg(long)]
+    controls: bool,
+}
+
+/// Evaluates and prints one line for each controller.
+pub(crate) fn run(options: &Options) -> Result<()> {
+    let (name, object) = options.object.load()?;
+    let mut workcell = Workcell::new()?;
+    let mut runs = Vec::new();
+    if options.model == "planner" {
+        runs.push((Controller::Planner, object.clone(), "planner"));
+    } else {
+        load(&mut workcell, &options.model)?;
+        runs.push((Controller::Policy, object.clone(), "policy"));
+    }
+    if options.controls {
+        let slippery = object.clone().with_friction(0.0);
+        if options.model != "planner" {
+            runs.push((Controller::Script, object.clone(), "no policy"));
+            runs.push((Controller::ShuffledLatent, object.clone(), "shuffled z"));
+            runs.push((Controller::ZeroLatent, object.clone(), "zero z"));
+        }
+        runs.push((runs[0].0.clone(), slippery, "friction 0"));
+    }
+    let mut reports = Vec::new();
+    for (controller, object, label) in runs {
+        let bar = ProgressBar::new(options.attempts as u64);
+        let (attempts, seed) = (options.attempts, options.seed);
+        let advance = |_| bar.inc(1);
+        let mut report =
+            evaluation::evaluate(&workcell, &object, &name, &controller, attempts, seed, &advance)?;
+        bar.finish_and_clear();
+        report.policy = label.to_owned();
+        print(&report);
+        reports.push(report);
+    }
+    match &options.json {
+        Some(path) => store::write(path, &serde_json::to_vec_pretty(&reports)?),
+        None => Ok(()),
+    }
+}
+
+fn print(report: &Report) {
+    let [low, high] = report.wilson95.map(|x| 100.0 * x);
+    let failures: Vec<String> =
+        report.failures.iter().map(|(reason, count)| format!("{count} {reason}")).collect();
+    println!(
+        "{:12} {:14} {:3} of {:3} lifted, 95 % interval {low:.0}..{high:.0} %  {}",
+        report.policy,
+        report.object,
+        report.lifted,
+        report.attempts,
+        failures.join(", ")
+    );
+}
+
+/// Loads a model from models/NAME or from a folder.
+pub(crate) fn load(workcell: &mut Workcell, model: &str) -> Result<()> {
+    let named = Path::new("models").join(model);
+    let folder = if named.is_dir() { named } else { PathBuf::from(model) };
+    let read = |file: &str| {
+        let path = folder.join(file);
+        std::fs::read(&path).with_context(|| {
+            format!(
+                "{} cannot be read; --model names a folder of models/ or any folder",
+                path.display()
+            )
+        })
+    };
+    workcell.load_model(
+        &read("weights.safetensors")?,
+        &read("starts.safetensors")?,
+        &read("config.json")?,
+    )?;
+    Ok(())
+}

@@ -1,0 +1,48 @@
+//! The command line of ngf-grasp.
+
+mod dataset;
+mod evaluate;
+mod objects;
+mod replay;
+mod serve;
+
+use clap::{Parser, Subcommand};
+
+/// Grasping with Neural Geometric Fabrics.
+#[derive(Parser)]
+#[command(name = "ngf", version)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Serve the page and the models.
+    Serve(serve::Options),
+    /// Search grasps of a built-in object in physics.
+    Grasps(dataset::GraspOptions),
+    /// Make demonstrations and clouds.
+    Dataset(dataset::Options),
+    /// Run attempts by the protocol and count them.
+    Evaluate(evaluate::Options),
+    /// Replay a recorded episode and print its verdict and final state hash.
+    Replay(replay::Options),
+}
+
+fn main() -> std::process::ExitCode {
+    let result = match Cli::parse().command {
+        Command::Serve(options) => serve::run(&options),
+        Command::Grasps(options) => dataset::grasps(&options),
+        Command::Dataset(options) => dataset::run(&options),
+        Command::Evaluate(options) => evaluate::run(&options),
+        Command::Replay(options) => replay::run(&options),
+    };
+    match result {
+        Ok(()) => std::process::ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            std::process::ExitCode::from(2)
+        }
+    }
+}

@@ -1,0 +1,55 @@
+//! Which object a command works on: a built-in one by name, or a mesh file with its mass.
+
+use anyhow::{Context, Result, bail};
+use geometry::mesh;
+use geometry::object::Object;
+use std::path::PathBuf;
+
+/// The object.
+#[derive(clap::Args)]
+pub(crate) struct ObjectOptions {
+    /// Built-in object by name.
+    #[arg(long, value_name = "NAME", conflicts_with = "mesh")]
+    object: Option<String>,
+    /// Mesh file: OBJ, STL, PLY or GLB.
+    #[arg(long, value_name = "FILE", requires = "mass")]
+    mesh: Option<PathBuf>,
+    /// Mass (kg) of the mesh.
+    #[arg(long, value_name = "KG")]
+    mass: Option<f32>,
+    /// Friction coefficient instead of the object's own.
+    #[arg(long, value_name = "MU")]
+    friction: Option<f32>,
+}
+
+/// Friction of meshes (design: 0.8 as a geometric mean).
+const FRICTION: f32 = 0.8;
+
+impl ObjectOptions {
+    /// Loads the object; gives its name too.
+    pub(crate) fn load(&self) -> Result<(String, Object)> {
+        let (name, object) = match (&self.object, &self.mesh) {
+            (Some(name), None) => (name.clone(), imitation::dataset::built_in(name)?),
+            (None, Some(path)) => {
+                let mass = self.mass.context("a mesh needs --mass")?;
+                if !(mass.is_finite() && mass > 0.0) {
+                    bail!("--mass must be a positive number of kilograms, found {mass}");
+                }
+                let bytes = std::fs::read(path)
+                    .with_context(|| format!("cannot read {}", path.display()))?;
+                let import = mesh::import(&bytes, None)
+                    .with_context(|| format!("{} cannot be used", path.display()))?;
+                let parts = mesh::convex_parts_or_hull(&import.mesh).hulls;
+                let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+                let closed = import.healing.watertight;
+                let object = Object::new(&name, import.mesh, closed, parts, mass, FRICTION)?;
+                (name, object)
+            }
+            _ => bail!("name an object with --object, or a mesh file with --mesh and --mass"),
+        };
+        Ok(match self.friction {
+            Some(friction) => (name, object.with_friction(friction)),
+            None => (name, object),
+        })
+    }
+}
