@@ -1,0 +1,57 @@
+//! What every route may read: where the files lie, and their hashes.
+
+use std::collections::HashMap;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::SystemTime;
+
+/// Folders to serve from; cheap to clone.
+#[derive(Clone, Debug)]
+pub struct AppState {
+    /// The built page, with `index.html` in it.
+    pub web: Arc<Path>,
+    /// One folder per model.
+    pub models: Arc<Path>,
+    hashes: Arc<Mutex<HashMap<PathBuf, Hashed>>>,
+}
+
+/// A file's hash, good for as long as length and time of change stay.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Hashed {
+    pub(crate) bytes: u64,
+    modified: SystemTime,
+    pub(crate) blake3: blake3::Hash,
+}
+
+impl AppState {
+    /// Serves the page from `web` and models from `models`; neither has to exist yet.
+    pub fn new(web: &Path, models: &Path) -> Self {
+        Self { web: web.into(), models: models.into(), hashes: Arc::default() }
+    }
+
+    /// Length and BLAKE3 of a file, computed once until the file changes; `None` if there is none.
+    pub(crate) async fn hashed(&self, path: PathBuf) -> io::Result<Option<Hashed>> {
+        let metadata = match tokio::fs::metadata(&path).await {
+            Ok(metadata) if metadata.is_file() => metadata,
+            Ok(_) => return Ok(None),
+            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
+            Err(error) => return Err(error),
+        };
+        let (bytes, modified) = (metadata.len(), metadata.modified()?);
+        let known = self.hashes().get(&path).copied();
+        if let Some(known) = known.filter(|h| (h.bytes, h.modified) == (bytes, modified)) {
+            return Ok(Some(known));
+        }
+        let contents = tokio::fs::read(&path).await?;
+        let hash = tokio::task::spawn_blocking(move || blake3::hash(&contents)).await?;
+        let hashed = Hashed { bytes, modified, blake3: hash };
+        self.hashes().insert(path, hashed);
+        Ok(Some(hashed))
+    }
+
+    /// A panic elsewhere cannot leave the map half written, so a poisoned lock is still good.
+    fn hashes(&self) -> std::sync::MutexGuard<'_, HashMap<PathBuf, Hashed>> {
+        self.hashes.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}

@@ -1,0 +1,213 @@
+//! Every route by request and answer, without a socket.
+
+use axum::body::Body;
+use axum::http::{Method, Request, StatusCode, header};
+use axum::response::Response;
+use http_body_util::BodyExt;
+use serde_json::Value;
+use server::{AppState, app};
+use std::fs;
+use tempfile::TempDir;
+use tower::ServiceExt;
+
+const WEIGHTS: &[u8] = b"0123456789";
+
+/// A page with one hashed script, a model with everything, and a folder that is no model.
+fn folder() -> TempDir {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let files: [(&str, &[u8]); 9] = [
+        ("web/index.html", b"<!doctype html>"),
+        ("web/assets/page-a1b2.js", b"plain"),
+        ("web/assets/page-a1b2.js.br", b"brotli"),
+        ("web/assets/page-a1b2.js.gz", b"gzip"),
+        ("web/assets/engine-c3d4.wasm", b"\0asm"),
+        ("models/default/weights.safetensors", WEIGHTS),
+        ("models/default/config.json", b"{}"),
+        ("models/default/card.json", br#"{"lifted":83}"#),
+        ("models/draft/card.json", b"{}"),
+    ];
+    for (name, bytes) in files {
+        let path = folder.path().join(name);
+        fs::create_dir_all(path.parent().expect("a parent")).expect("a folder");
+        fs::write(path, bytes).expect("a file");
+    }
+    folder
+}
+
+async fn send(folder: &TempDir, request: Request<Body>) -> Response {
+    let state = AppState::new(&folder.path().join("web"), &folder.path().join("models"));
+    app(state).oneshot(request).await.expect("an answer")
+}
+
+async fn get_with(folder: &TempDir, path: &str, headers: &[(&str, &str)]) -> Response {
+    let request =
+        headers.iter().fold(Request::get(path), |r, (name, value)| r.header(*name, *value));
+    send(folder, request.body(Body::empty()).expect("a request")).await
+}
+
+async fn get(folder: &TempDir, path: &str) -> Response {
+    get_with(folder, path, &[]).await
+}
+
+async fn bytes(response: Response) -> Vec<u8> {
+    response.into_body().collect().await.expect("a body").to_bytes().to_vec()
+}
+
+async fn json(response: Response) -> Value {
+    serde_json::from_slice(&bytes(response).await).expect("JSON")
+}
+
+fn header<'a>(response: &'a Response, name: &str) -> &'a str {
+    response.headers().get(name).map_or("", |value| value.to_str().expect("text"))
+}
+
+async fn assert_problem(response: Response, status: StatusCode, code: &str) {
+    assert_eq!(response.status(), status);
+    assert_eq!(header(&response, "content-type"), "application/problem+json");
+    assert_eq!(header(&response, "x-content-type-options"), "nosniff");
+    let problem = json(response).await;
+    assert_eq!(problem["status"], status.as_u16());
+    assert_eq!(problem["code"], code);
+    for member in ["type", "title", "detail", "hint"] {
+        assert!(problem[member].as_str().is_some_and(|text| !text.is_empty()), "{member}");
+    }
+}
+
+#[tokio::test]
+async fn the_page_is_checked_each_time_and_isolated() {
+    let folder = folder();
+    let page = get(&folder, "/").await;
+    assert_eq!(page.status(), StatusCode::OK);
+    assert!(header(&page, "content-type").starts_with("text/html"));
+    assert_eq!(header(&page, "cache-control"), "no-cache");
+    assert_eq!(header(&page, "cross-origin-opener-policy"), "same-origin");
+    assert_eq!(header(&page, "cross-origin-embedder-policy"), "require-corp");
+    assert_eq!(header(&page, "referrer-policy"), "no-referrer");
+    let policy = header(&page, "content-security-policy");
+    assert!(
+        policy.contains("'wasm-unsafe-eval'") && !policy.contains(" 'unsafe-eval'"),
+        "{policy}"
+    );
+
+    let etag = header(&page, "etag").to_owned();
+    let again = get_with(&folder, "/", &[("if-none-match", &etag)]).await;
+    assert_eq!(again.status(), StatusCode::NOT_MODIFIED);
+}
+
+#[tokio::test]
+async fn hashed_files_are_kept_for_ever_and_sent_compressed() {
+    let folder = folder();
+    let path = "/assets/page-a1b2.js";
+    for (accepted, encoding, content) in
+        [("br, gzip", "br", "brotli"), ("gzip", "gzip", "gzip"), ("identity", "", "plain")]
+    {
+        let file = get_with(&folder, path, &[("accept-encoding", accepted)]).await;
+        assert_eq!(header(&file, "content-encoding"), encoding);
+        assert_eq!(header(&file, "vary"), "accept-encoding");
+        assert_eq!(header(&file, "content-type"), "text/javascript");
+        assert!(header(&file, "cache-control").ends_with("immutable"));
+        assert_eq!(bytes(file).await, content.as_bytes());
+    }
+    let wasm = get(&folder, "/assets/engine-c3d4.wasm").await;
+    assert_eq!(header(&wasm, "content-type"), "application/wasm");
+}
+
+#[tokio::test]
+async fn a_page_that_is_not_built_says_how_to_build_it() {
+    let empty = tempfile::tempdir().expect("a temporary folder");
+    assert_problem(get(&empty, "/").await, StatusCode::NOT_FOUND, "page_not_built").await;
+}
+
+#[tokio::test]
+async fn the_list_holds_folders_with_weights_and_may_be_empty() {
+    let list = json(get(&folder(), "/api/v1/models").await).await;
+    assert_eq!(list["object"], "list");
+    assert_eq!(list["has_more"], false);
+    let models = list["data"].as_array().expect("a list");
+    assert_eq!(models.len(), 1);
+    assert_eq!(models[0]["id"], "default");
+    assert_eq!(models[0]["card"]["lifted"], 83);
+
+    let empty = tempfile::tempdir().expect("a temporary folder");
+    let list = json(get(&empty, "/api/v1/models").await).await;
+    assert_eq!(list["data"], Value::Array(Vec::new()));
+}
+
+#[tokio::test]
+async fn weights_are_found_by_their_hash_and_kept_for_ever() {
+    let folder = folder();
+    let card = json(get(&folder, "/api/v1/models/default").await).await;
+    let weights = &card["files"]["weights"];
+    assert_eq!(weights["bytes"], WEIGHTS.len());
+    assert_eq!(weights["blake3"], blake3::hash(WEIGHTS).to_hex().as_str());
+    assert!(card["files"].get("starts").is_none(), "a file that is missing is not listed");
+
+    let url = weights["url"].as_str().expect("a URL");
+    let file = get(&folder, url).await;
+    assert_eq!(header(&file, "content-type"), "application/octet-stream");
+    assert_eq!(header(&file, "etag"), format!("\"{}\"", blake3::hash(WEIGHTS)));
+    assert!(header(&file, "cache-control").ends_with("immutable"));
+    assert_eq!(bytes(file).await, WEIGHTS);
+
+    let plain = get(&folder, "/api/v1/models/default/weights").await;
+    assert_eq!(header(&plain, "cache-control"), "no-cache");
+    let stale = get(&folder, "/api/v1/models/default/weights?blake3=00").await;
+    assert_problem(stale, StatusCode::NOT_FOUND, "model_changed").await;
+}
+
+#[tokio::test]
+async fn weights_answer_conditions_and_ranges() {
+    let folder = folder();
+    let path = "/api/v1/models/default/weights";
+    let etag = format!("\"{}\"", blake3::hash(WEIGHTS));
+
+    let known = get_with(&folder, path, &[("if-none-match", &etag)]).await;
+    assert_eq!(known.status(), StatusCode::NOT_MODIFIED);
+    assert_eq!(header(&known, "etag"), etag);
+
+    let part = get_with(&folder, path, &[("range", "bytes=2-4"), ("if-range", &etag)]).await;
+    assert_eq!(part.status(), StatusCode::PARTIAL_CONTENT);
+    assert_eq!(header(&part, "content-range"), "bytes 2-4/10");
+    assert_eq!(bytes(part).await, b"234");
+
+    let other = get_with(&folder, path, &[("range", "bytes=2-4"), ("if-range", "\"old\"")]).await;
+    assert_eq!(other.status(), StatusCode::OK);
+    assert_eq!(bytes(other).await, WEIGHTS);
+
+    let beyond = get_with(&folder, path, &[("range", "bytes=10-")]).await;
+    assert_eq!(header(&beyond, "content-range"), "bytes */10");
+    assert_problem(beyond, StatusCode::RANGE_NOT_SATISFIABLE, "range_not_satisfiable").await;
+}
+
+#[tokio::test]
+async fn every_error_is_a_problem() {
+    let folder = folder();
+    for (path, code) in [
+        ("/api", "not_found"),
+        ("/api/v2", "not_found"),
+        ("/api/v1/nothing", "not_found"),
+        ("/nothing", "not_found"),
+        ("/assets/gone.js", "not_found"),
+        ("/../Cargo.toml", "not_found"),
+        ("/api/v1/models/draft", "model_not_found"),
+        ("/api/v1/models/default/starts", "model_file_not_found"),
+        ("/api/v1/models/default/card.json", "model_file_not_found"),
+    ] {
+        assert_problem(get(&folder, path).await, StatusCode::NOT_FOUND, code).await;
+    }
+    for path in ["/api/v1/models/..", "/api/v1/models/%2e%2e%2fdefault", "/api/v1/models/%ff"] {
+        assert_problem(get(&folder, path).await, StatusCode::BAD_REQUEST, "invalid_model_id").await;
+    }
+    for path in ["/api/v1/models", "/api/v1/models/default/weights", "/healthz", "/"] {
+        let request = Request::builder().method(Method::DELETE).uri(path).body(Body::empty());
+        let answer = send(&folder, request.expect("a request")).await;
+        assert_eq!(answer.headers()[header::ALLOW], "GET,HEAD");
+        assert_problem(answer, StatusCode::METHOD_NOT_ALLOWED, "method_not_allowed").await;
+    }
+}
+
+#[tokio::test]
+async fn health_is_answered_while_nothing_is_built() {
+    let empty = tempfile::tempdir().expect("a temporary folder");
+    assert_eq!(json(get(&empty, "/healthz").await).await["status"], "ok");
+}
