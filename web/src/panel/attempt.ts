@@ -1,0 +1,108 @@
+// The attempt: its buttons, its phases, what it came to, and how attempts came out so far.
+
+import { element } from "../dom";
+import type { Frame, Phase, Tally, Verdict } from "../protocol";
+
+const WORDS: Record<Exclude<Phase, "verdict">, string> = {
+  idle: "Drag the object, or press Grasp.",
+  approach: "Moving to the start over the object",
+  policy: "The policy closes the hand",
+  lift: "Lifting",
+  hold: "Holding for two seconds",
+};
+
+export interface AttemptEvents {
+  grasp(seed: number): void;
+  newPose(): void;
+}
+
+export class AttemptPanel {
+  readonly #events: AttemptEvents;
+  readonly #headline = element("headline", HTMLElement);
+  readonly #announcement = element("announcement", HTMLElement);
+  readonly #phases = element("phases", HTMLOListElement);
+  readonly #grasp = element("grasp", HTMLButtonElement);
+  readonly #newPose = element("new-pose", HTMLButtonElement);
+  readonly #seed = element("seed", HTMLInputElement);
+  readonly #hash = element("hash", HTMLElement);
+  #verdict: Verdict | null = null;
+  #phase: Phase | null = null;
+
+  constructor(events: AttemptEvents) {
+    this.#events = events;
+    this.#grasp.addEventListener("click", () => this.grasp());
+    this.#newPose.addEventListener("click", () => this.newPose());
+  }
+
+  // Nothing to press until there is an object.
+  enable(): void {
+    this.#grasp.disabled = this.#newPose.disabled = false;
+  }
+
+  grasp(): void {
+    if (!this.#grasp.disabled) this.#events.grasp(this.#seedValue());
+  }
+
+  newPose(): void {
+    if (!this.#newPose.disabled) this.#events.newPose();
+  }
+
+  showFrame({ phase }: Frame): void {
+    if (phase === this.#phase) return;
+    this.#phase = phase;
+    if (phase !== "verdict") {
+      this.#verdict = null;
+      this.#headline.textContent = WORDS[phase];
+    }
+    this.#showPhases();
+  }
+
+  showVerdict(verdict: Verdict): void {
+    this.#verdict = verdict;
+    this.#headline.textContent = verdict.words;
+    this.#announcement.textContent = `${verdict.words} ${inWords(verdict.tally)}.`;
+    this.#hash.hidden = false;
+    this.#hash.textContent = `Seed ${verdict.seed} ended in state ${verdict.hash.slice(0, 16)}`;
+    this.#hash.title = verdict.hash;
+    this.#seed.value = String(verdict.seed + 1);
+    showTally(verdict.tally);
+    this.#showPhases();
+  }
+
+  #showPhases(): void {
+    const items = [...this.#phases.querySelectorAll("li")];
+    const now = items.findIndex((item) => item.dataset["phase"] === this.#phase);
+    items.forEach((item, index) => {
+      item.classList.toggle("is-done", index < now);
+      item.classList.toggle("is-now", index === now);
+      if (index === now) item.setAttribute("aria-current", "step");
+      else item.removeAttribute("aria-current");
+    });
+    this.#phases.classList.toggle("is-missed", this.#verdict?.lifted === false);
+  }
+
+  #seedValue(): number {
+    const value = Math.trunc(this.#seed.valueAsNumber);
+    return Number.isFinite(value) ? Math.min(0xffffffff, Math.max(0, value)) : 0;
+  }
+}
+
+function showTally(tally: Tally): void {
+  const [least, most] = tally.interval;
+  element("tally", HTMLElement).textContent = inWords(tally);
+  element("tally-hint", HTMLElement).textContent =
+    `With this object: between ${percent(least)} and ${percent(most)} of attempts, by the 95 % interval.`;
+  const bar = element("interval", HTMLElement);
+  bar.hidden = false;
+  const [band, mark] = [bar.querySelector("span"), bar.querySelector("i")];
+  if (band) [band.style.left, band.style.right] = [percent(least), percent(1 - most)];
+  if (mark) mark.style.left = percent(tally.lifted / tally.attempts);
+}
+
+function inWords({ lifted, attempts }: Tally): string {
+  return `${lifted} of ${attempts} lifted`;
+}
+
+function percent(share: number): string {
+  return `${Math.round(share * 100)}%`;
+}

@@ -1,0 +1,54 @@
+// Cards that say what failed and what to do. They stay until closed, and can be copied.
+
+import { element } from "../dom";
+import type { Failure } from "../protocol";
+
+const MOST = 3;
+
+export class Failures {
+  readonly #list = element("failures", HTMLElement);
+  readonly #template = element("failure-card", HTMLTemplateElement);
+  readonly #restart: () => void;
+
+  constructor(restart: () => void) {
+    this.#restart = restart;
+  }
+
+  show(failure: Failure): void {
+    const known = this.#list.querySelector(`[data-code="${CSS.escape(failure.code)}"]`);
+    known?.remove();
+    this.#list.append(this.#card(failure));
+    while (this.#list.children.length > MOST) this.#list.firstElementChild?.remove();
+  }
+
+  // What failed works again.
+  close(code: string): void {
+    this.#list.querySelector(`[data-code="${CSS.escape(code)}"]`)?.remove();
+  }
+
+  #card({ code, cause, cure }: Failure): Element {
+    const card = (this.#template.content.cloneNode(true) as DocumentFragment).firstElementChild;
+    if (!(card instanceof HTMLElement)) throw new Error("the template holds no card");
+    card.dataset["code"] = code;
+    const part = (selector: string) => card.querySelector<HTMLElement>(selector)!;
+    part("h2").textContent = cause;
+    part("p").textContent = cure;
+    part("code").textContent = code;
+    part(".close").addEventListener("click", () => card.remove());
+    part(".copy").addEventListener("click", () => {
+      const text = `${cause}\n${cure}\n${code}, ${navigator.userAgent}`;
+      navigator.clipboard.writeText(text).then(
+        () => (part(".copy").textContent = "Copied"),
+        () => getSelection()?.selectAllChildren(card),
+      );
+    });
+    if (code.startsWith("engine_")) {
+      part(".again").hidden = false;
+      part(".again").addEventListener("click", () => {
+        card.remove();
+        this.#restart();
+      });
+    }
+    return card;
+  }
+}

@@ -1,0 +1,19 @@
+// Keys for what the buttons do. A field that is being typed in keeps its keys, a button its Space.
+
+export function onKeys(actions: Record<string, () => void>, other: (key: string) => boolean): void {
+  addEventListener("keydown", (event) => {
+    if (event.ctrlKey || event.metaKey || event.altKey || isTaken(event)) return;
+    const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
+    const action = actions[key];
+    if (action) action();
+    else if (!other(key)) return;
+    event.preventDefault();
+  });
+}
+
+function isTaken({ target, key }: KeyboardEvent): boolean {
+  if (!(target instanceof HTMLElement) || target.closest("dialog")) return true;
+  if (target.closest("input[type=number], select")) return true;
+  const isControl = target.closest("button, input") !== null;
+  return isControl && (key === " " || key.startsWith("Arrow"));
+}

@@ -1,0 +1,51 @@
+// Pause, step, reset, speed, and how fast it really runs.
+
+import { element } from "../dom";
+import type { Frame, ToWorker } from "../protocol";
+
+// Slower than this share of what was asked for is worth pointing out.
+const SLOW = 0.9;
+
+export class Playback {
+  readonly #send: (message: ToWorker) => void;
+  readonly #pause = element("pause", HTMLButtonElement);
+  readonly #step = element("step", HTMLButtonElement);
+  readonly #reset = element("reset", HTMLButtonElement);
+  readonly #speed = element("speed", HTMLSelectElement);
+  readonly #rate = element("rate", HTMLElement);
+  #isRunning = true;
+
+  constructor(send: (message: ToWorker) => void) {
+    this.#send = send;
+    this.#pause.addEventListener("click", () => this.toggle());
+    this.#step.addEventListener("click", () => this.step());
+    this.#reset.addEventListener("click", () => this.reset());
+    this.#speed.addEventListener("change", () => send({ kind: "speed", factor: Number(this.#speed.value) }));
+  }
+
+  enable(): void {
+    for (const control of [this.#pause, this.#step, this.#reset, this.#speed]) control.disabled = false;
+  }
+
+  toggle(): void {
+    this.#send({ kind: this.#isRunning ? "pause" : "resume" });
+  }
+
+  step(): void {
+    this.#send({ kind: "step" });
+  }
+
+  reset(): void {
+    this.#send({ kind: "reset" });
+  }
+
+  show({ running, factor, measured }: Frame): void {
+    this.#isRunning = running;
+    this.#pause.classList.toggle("is-paused", !running);
+    this.#pause.setAttribute("aria-label", running ? "Pause" : "Go on");
+    this.#speed.value = String(factor);
+    const isMeasured = running && measured !== null;
+    this.#rate.textContent = isMeasured ? `${measured.toFixed(2)}× real time` : running ? "" : "Paused";
+    this.#rate.classList.toggle("is-slow", isMeasured && measured < SLOW * factor);
+  }
+}

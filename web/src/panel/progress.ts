@@ -1,0 +1,20 @@
+// One bar for whatever takes its time.
+
+import { element } from "../dom";
+import type { Progress } from "../protocol";
+
+export function showProgress(progress: Progress): void {
+  const box = element("progress", HTMLElement);
+  box.hidden = progress.finished;
+  if (progress.finished) return;
+  const bar = element("progress-bar", HTMLProgressElement);
+  if (progress.total === null) bar.removeAttribute("value");
+  else [bar.max, bar.value] = [progress.total, progress.done];
+  element("progress-label", HTMLElement).textContent = `${progress.label} ${amount(progress)}`;
+}
+
+function amount({ done, total, unit }: Progress): string {
+  if (unit === "steps") return total === null ? "" : `${done} of ${total}`;
+  const megabytes = (bytes: number) => (bytes / 1e6).toFixed(1);
+  return total === null ? `${megabytes(done)} MB` : `${megabytes(done)} of ${megabytes(total)} MB`;
+}

@@ -1,0 +1,152 @@
+// What the page and its worker say to each other. The same in Rust: wasm/src/protocol.rs.
+//
+// Metres, radians, kilograms, seconds; z is up; quaternions are x, y, z, w. Words for people are
+// made by the worker, which knows what happened; the page only shows them.
+
+export type Unit = "m" | "cm" | "mm" | "in";
+
+// An attempt goes through these in order; "idle" is before the first and after a reset.
+export type Phase = "idle" | "approach" | "policy" | "lift" | "hold" | "verdict";
+
+// Where an object stands on the table.
+export interface PlanarPose {
+  x: number;
+  y: number;
+  yaw: number;
+}
+
+export type ToWorker =
+  | { kind: "load"; object: string }
+  | { kind: "upload"; fileName: string; bytes: ArrayBuffer; unit: Unit | null }
+  | { kind: "place"; pose: PlanarPose }
+  | { kind: "randomPose" }
+  | { kind: "grasp"; seed: number }
+  | { kind: "pause" }
+  | { kind: "resume" }
+  | { kind: "step" }
+  | { kind: "reset" }
+  | { kind: "speed"; factor: number };
+
+// A surface: three numbers per vertex, three indices per triangle.
+export interface Shape {
+  positions: Float32Array;
+  indices: Uint32Array;
+}
+
+export interface Link extends Shape {
+  name: string;
+  color: string;
+}
+
+export interface Box {
+  center: [number, number, number];
+  half: [number, number, number];
+}
+
+export interface Rectangle {
+  x: [number, number];
+  y: [number, number];
+}
+
+export interface DepthCamera {
+  position: [number, number, number];
+  target: [number, number, number];
+  hfovDeg: number;
+  aspect: number;
+}
+
+// What was found out about an object.
+export interface Report {
+  extentCm: [number, number, number];
+  massKg: number;
+  triangles: number;
+  watertight: boolean;
+  // Convex parts that collide.
+  parts: number;
+  // Only for uploads: the unit that was taken and why, and what else is worth knowing.
+  unit: Unit | null;
+  reason: string | null;
+  notes: string[];
+}
+
+export interface Ready {
+  kind: "ready";
+  links: Link[];
+  table: Box;
+  workspace: Rectangle;
+  camera: DepthCamera;
+  objects: { name: string; label: string }[];
+}
+
+export interface ObjectLoaded {
+  kind: "object";
+  // The name of a built-in object, or null for an upload.
+  name: string | null;
+  label: string;
+  shape: Shape;
+  hulls: Shape[];
+  report: Report;
+}
+
+export interface Frame {
+  kind: "frame";
+  // Seven numbers a body: position, quaternion. Links in the order of `ready`, then the object.
+  poses: Float32Array;
+  pose: PlanarPose;
+  phase: Phase;
+  // Since the attempt began.
+  time: number;
+  running: boolean;
+  // Simulated seconds per second as asked for, and as measured while running.
+  factor: number;
+  measured: number | null;
+}
+
+export interface Cloud {
+  kind: "cloud";
+  points: Float32Array;
+}
+
+export interface Progress {
+  kind: "progress";
+  label: string;
+  done: number;
+  // Null while unknown.
+  total: number | null;
+  unit: "bytes" | "steps";
+  finished: boolean;
+}
+
+// The learned policy: which one runs, or why there is none.
+export interface Model {
+  kind: "model";
+  id: string | null;
+  words: string;
+}
+
+export interface Verdict {
+  kind: "verdict";
+  lifted: boolean;
+  words: string;
+  seed: number;
+  // Of the final state, the same on every machine.
+  hash: string;
+  tally: Tally;
+}
+
+// Attempts so far with this object, and the Wilson 95 % interval of their success.
+export interface Tally {
+  lifted: number;
+  attempts: number;
+  interval: [number, number];
+}
+
+export interface Failure {
+  kind: "failure";
+  code: string;
+  cause: string;
+  cure: string;
+}
+
+export type FromWorker =
+  Ready | ObjectLoaded | Frame | Cloud | Progress | Model | Verdict | Failure;

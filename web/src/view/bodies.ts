@@ -1,0 +1,72 @@
+// What moves: the robot's links and the object with its collision hulls.
+
+import {
+  BufferGeometry,
+  EdgesGeometry,
+  Group,
+  LineBasicMaterial,
+  LineSegments,
+  Mesh,
+  MeshStandardMaterial,
+  type Object3D,
+} from "three";
+import type { Link, ObjectLoaded } from "../protocol";
+import type { Colors } from "./colors";
+import { geometryOf } from "./shape";
+
+export function linkMesh(link: Link): Mesh {
+  const material = new MeshStandardMaterial({ color: link.color, roughness: 0.48, metalness: 0.05 });
+  return shadowed(new Mesh(geometryOf(link), material));
+}
+
+// The object is drawn in the accent colour: it is what everything here is about.
+export class Thing {
+  readonly group = new Group();
+  readonly #skin = new MeshStandardMaterial({ roughness: 0.62, transparent: true });
+  readonly #edges = new LineBasicMaterial({ transparent: true, opacity: 0.75 });
+  readonly #mesh = shadowed(new Mesh(new BufferGeometry(), this.#skin));
+  readonly #hulls = new Group();
+
+  constructor() {
+    this.#hulls.visible = false;
+    this.group.add(this.#mesh, this.#hulls);
+  }
+
+  // For picking: the bounding box is near enough, and as quick for a million triangles as for ten.
+  get bounds() {
+    return this.#mesh.geometry.boundingBox;
+  }
+
+  show(loaded: ObjectLoaded): void {
+    this.#mesh.geometry.dispose();
+    this.#mesh.geometry = geometryOf(loaded.shape);
+    this.#mesh.geometry.computeBoundingBox();
+    clear(this.#hulls);
+    for (const hull of loaded.hulls) {
+      const surface = geometryOf(hull);
+      this.#hulls.add(new LineSegments(new EdgesGeometry(surface, 12), this.#edges));
+      surface.dispose();
+    }
+  }
+
+  showHulls(on: boolean): void {
+    this.#hulls.visible = on;
+    this.#skin.opacity = on ? 0.4 : 1;
+    this.#skin.depthWrite = !on;
+  }
+
+  paint(colors: Colors): void {
+    this.#skin.color = colors.accent;
+    this.#edges.color = colors.ink;
+  }
+}
+
+function shadowed(mesh: Mesh<BufferGeometry, MeshStandardMaterial>) {
+  mesh.castShadow = mesh.receiveShadow = true;
+  return mesh;
+}
+
+function clear(group: Group): void {
+  for (const child of group.children as (Object3D & { geometry?: BufferGeometry })[]) child.geometry?.dispose();
+  group.clear();
+}

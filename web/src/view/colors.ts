@@ -1,0 +1,39 @@
+// Colours of the scene, from the style sheet: light and dark are told apart there and nowhere else.
+
+import { Color } from "three";
+
+export interface Colors {
+  ground: Color;
+  accent: Color;
+  table: Color;
+  plinth: Color;
+  line: Color;
+  cloud: Color;
+  ink: Color;
+  sky: Color;
+  // How strong lights and shadows are.
+  light: number;
+  shadow: number;
+}
+
+export function readColors(): Colors {
+  const style = getComputedStyle(document.documentElement);
+  const value = (name: string) => style.getPropertyValue(name).trim();
+  const color = (name: string) => new Color(value(name));
+  return {
+    ground: color("--ground"),
+    accent: color("--accent"),
+    table: color("--scene-table"),
+    plinth: color("--scene-plinth"),
+    line: color("--scene-line"),
+    cloud: color("--scene-cloud"),
+    ink: color("--ink"),
+    sky: color("--scene-sky"),
+    light: Number(value("--scene-light")),
+    shadow: Number(value("--scene-shadow")),
+  };
+}
+
+export function onColorsChange(changed: () => void): void {
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", changed);
+}

@@ -1,0 +1,81 @@
+// Dragging the object over the table.
+
+import { type Camera, Plane, Raycaster, Vector2, Vector3 } from "three";
+import type { Rectangle } from "../protocol";
+import type { Thing } from "./bodies";
+
+export interface Draggable {
+  camera: Camera;
+  thing: Thing;
+  // While an attempt runs, the object is not ours to move.
+  isFree(): boolean;
+  // Called at the beginning and at the end.
+  grabbed(on: boolean): void;
+  moved(x: number, y: number): void;
+}
+
+export function dragObject(canvas: HTMLCanvasElement, workspace: Rectangle, target: Draggable): void {
+  const raycaster = new Raycaster();
+  const table = new Plane(new Vector3(0, 0, 1), 0);
+  const hit = new Vector3();
+  // From the object's origin to where it was grabbed, on the table.
+  const offset = new Vector3();
+  let pointer: number | null = null;
+
+  const aim = (event: PointerEvent) => {
+    const box = canvas.getBoundingClientRect();
+    const x = ((event.clientX - box.left) / box.width) * 2 - 1;
+    const y = 1 - ((event.clientY - box.top) / box.height) * 2;
+    raycaster.setFromCamera(new Vector2(x, y), target.camera);
+  };
+
+  const isOver = (event: PointerEvent) => {
+    const { bounds, group } = target.thing;
+    if (!bounds || !target.isFree()) return false;
+    aim(event);
+    const ray = raycaster.ray.clone().applyMatrix4(group.matrixWorld.clone().invert());
+    return ray.intersectBox(bounds, hit) !== null;
+  };
+
+  // Before the camera's own listener, which would begin to orbit.
+  canvas.addEventListener(
+    "pointerdown",
+    (event) => {
+      if (event.button !== 0 || pointer !== null || !isOver(event)) return;
+      event.stopImmediatePropagation();
+      const { matrixWorld, position } = target.thing.group;
+      // Move in the plane through the point that was grabbed, so that it stays under the pointer.
+      hit.applyMatrix4(matrixWorld);
+      table.constant = -hit.z;
+      offset.subVectors(hit, position);
+      pointer = event.pointerId;
+      canvas.setPointerCapture(pointer);
+      target.grabbed(true);
+    },
+    { capture: true },
+  );
+
+  canvas.addEventListener("pointermove", (event) => {
+    if (pointer === null) {
+      if (event.pointerType === "mouse") canvas.style.cursor = isOver(event) ? "grab" : "";
+      return;
+    }
+    if (event.pointerId !== pointer) return;
+    aim(event);
+    if (!raycaster.ray.intersectPlane(table, hit)) return;
+    hit.sub(offset);
+    target.moved(clamp(hit.x, workspace.x), clamp(hit.y, workspace.y));
+  });
+
+  const release = (event: PointerEvent) => {
+    if (event.pointerId !== pointer) return;
+    pointer = null;
+    target.grabbed(false);
+  };
+  canvas.addEventListener("pointerup", release);
+  canvas.addEventListener("pointercancel", release);
+}
+
+function clamp(value: number, [least, most]: [number, number]): number {
+  return Math.min(most, Math.max(least, value));
+}

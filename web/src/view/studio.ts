@@ -1,0 +1,111 @@
+// Light, ground, table and the robot's plinth: everything that never moves.
+
+import {
+  BufferAttribute,
+  BufferGeometry,
+  CircleGeometry,
+  CylinderGeometry,
+  DirectionalLight,
+  Group,
+  HemisphereLight,
+  LineBasicMaterial,
+  LineLoop,
+  Mesh,
+  MeshStandardMaterial,
+  ShadowMaterial,
+} from "three";
+import { RoundedBoxGeometry } from "three/examples/jsm/geometries/RoundedBoxGeometry.js";
+import type { Box, Rectangle } from "../protocol";
+import type { Colors } from "./colors";
+
+const SHADOW_REACH = 1.1;
+const ROUNDING = 0.012;
+
+export class Studio {
+  readonly group = new Group();
+  readonly #table = new MeshStandardMaterial({ roughness: 0.85 });
+  readonly #plinth = new MeshStandardMaterial({ roughness: 0.9 });
+  readonly #outline = new LineBasicMaterial({ transparent: true });
+  readonly #shadow = new ShadowMaterial();
+  readonly #sky = new HemisphereLight();
+  readonly #key: DirectionalLight;
+  readonly #rim = new DirectionalLight();
+
+  constructor(table: Box, workspace: Rectangle) {
+    this.#key = keyLight(table);
+    this.#rim.position.set(1.2, 1.6, 1.2);
+    this.group.add(this.#sky, this.#key, this.#rim, this.#tabletop(table), this.#foot(table), this.#floor(table));
+    this.group.add(this.#area(workspace, table.center[2] + table.half[2]));
+    this.highlight(false);
+  }
+
+  paint(colors: Colors): void {
+    this.#table.color = colors.table;
+    this.#plinth.color = colors.plinth;
+    this.#outline.color = colors.line;
+    this.#sky.color = colors.sky;
+    this.#sky.groundColor = colors.plinth;
+    this.#sky.intensity = 1.35 * colors.light;
+    this.#key.intensity = 1.9 * colors.light;
+    this.#rim.intensity = 0.45 * colors.light;
+    this.#shadow.opacity = colors.shadow;
+  }
+
+  // Shows where the object may stand.
+  highlight(on: boolean): void {
+    this.#outline.opacity = on ? 1 : 0.4;
+  }
+
+  #tabletop({ center, half }: Box): Mesh {
+    const [x, y, z] = half.map((side) => 2 * side) as [number, number, number];
+    const mesh = new Mesh(new RoundedBoxGeometry(x, y, z, 4, ROUNDING), this.#table);
+    mesh.position.set(...center);
+    mesh.castShadow = mesh.receiveShadow = true;
+    return mesh;
+  }
+
+  // The robot stands at the origin, level with the table's top.
+  #foot({ center, half }: Box): Mesh {
+    const top = center[2] + half[2];
+    const height = 2 * half[2];
+    const mesh = new Mesh(new CylinderGeometry(0.135, 0.15, height, 64).rotateX(Math.PI / 2), this.#plinth);
+    mesh.position.z = top - height / 2;
+    mesh.castShadow = mesh.receiveShadow = true;
+    return mesh;
+  }
+
+  // Only the shadows on it are drawn, so that it runs into the background without an edge.
+  #floor({ center, half }: Box): Mesh {
+    const mesh = new Mesh(new CircleGeometry(4, 48), this.#shadow);
+    // Above the rounded edge, under which light would show.
+    mesh.position.set(center[0], center[1], center[2] - half[2] + ROUNDING);
+    mesh.receiveShadow = true;
+    return mesh;
+  }
+
+  #area({ x, y }: Rectangle, top: number): LineLoop {
+    const z = top + 0.001;
+    const corners = [x[0], y[0], z, x[1], y[0], z, x[1], y[1], z, x[0], y[1], z];
+    const geometry = new BufferGeometry();
+    geometry.setAttribute("position", new BufferAttribute(new Float32Array(corners), 3));
+    return new LineLoop(geometry, this.#outline);
+  }
+}
+
+function keyLight({ center }: Box): DirectionalLight {
+  const light = new DirectionalLight(0xfffaf4);
+  light.position.set(center[0] - 0.45, center[1] - 1.35, 2.3);
+  light.target.position.set(center[0] - 0.2, center[1], 0.15);
+  light.target.updateMatrixWorld();
+  light.castShadow = true;
+  light.shadow.mapSize.set(2048, 2048);
+  light.shadow.radius = 5;
+  light.shadow.normalBias = 0.012;
+  light.shadow.bias = -0.0004;
+  const view = light.shadow.camera;
+  view.left = view.bottom = -SHADOW_REACH;
+  view.right = view.top = SHADOW_REACH;
+  view.near = 0.5;
+  view.far = 6;
+  return light;
+}

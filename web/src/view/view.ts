@@ -1,0 +1,164 @@
+// The picture: a renderer that draws when something has changed, and rests otherwise.
+
+import { type Mesh, PCFShadowMap, Scene, WebGLRenderer } from "three";
+import type { Frame, ObjectLoaded, PlanarPose, Ready } from "../protocol";
+import { linkMesh, Thing } from "./bodies";
+import { type Preset, Viewpoint } from "./camera";
+import { Cloud, Sensor } from "./cloud";
+import { type Colors, onColorsChange, readColors } from "./colors";
+import { dragObject } from "./drag";
+import { Motion } from "./motion";
+import { Studio } from "./studio";
+
+export type Layer = "cloud" | "hulls" | "sensor";
+
+export interface ViewEvents {
+  place(pose: PlanarPose): void;
+  // The graphics were lost (false) or came back (true).
+  graphics(works: boolean): void;
+}
+
+export class View {
+  readonly #canvas: HTMLCanvasElement;
+  readonly #events: ViewEvents;
+  readonly #renderer: WebGLRenderer;
+  readonly #scene = new Scene();
+  readonly #viewpoint: Viewpoint;
+  readonly #thing = new Thing();
+  readonly #cloud = new Cloud();
+  readonly #motion = new Motion();
+  #studio: Studio | null = null;
+  #sensor: Sensor | null = null;
+  #links: Mesh[] = [];
+  #frame: Frame | null = null;
+  #showsSensor = false;
+  #isAwake = false;
+
+  // Throws where there is no WebGL.
+  constructor(canvas: HTMLCanvasElement, events: ViewEvents) {
+    this.#canvas = canvas;
+    this.#events = events;
+    this.#renderer = new WebGLRenderer({ canvas, antialias: true, powerPreference: "high-performance" });
+    this.#renderer.shadowMap.enabled = true;
+    this.#renderer.shadowMap.type = PCFShadowMap;
+    this.#viewpoint = new Viewpoint(canvas, () => this.#wake());
+    this.#scene.add(this.#thing.group, this.#cloud.points);
+    this.#thing.group.visible = false;
+
+
+    new ResizeObserver(() => this.#resize()).observe(canvas);
+    canvas.addEventListener("webglcontextlost", (event) => {
+      event.preventDefault();
+      events.graphics(false);
+    });
+    canvas.addEventListener("webglcontextrestored", () => {
+      events.graphics(true);
+      this.#wake();
+    });
+    onColorsChange(() => this.#paint());
+    this.#resize();
+    this.#viewpoint.goTo("home", 0, true);
+    this.#paint();
+  }
+
+  show(ready: Ready): void {
+    this.#scene.remove(...this.#links);
+    if (this.#studio) this.#scene.remove(this.#studio.group);
+    if (this.#sensor) this.#scene.remove(this.#sensor.group);
+    const isFirst = this.#studio === null;
+
+    this.#links = ready.links.map(linkMesh);
+    this.#studio = new Studio(ready.table, ready.workspace);
+    this.#sensor = new Sensor(ready.camera);
+    this.#viewpoint.sensor = ready.camera;
+    this.#scene.add(...this.#links, this.#studio.group, this.#sensor.group);
+    if (isFirst) this.#makeDraggable(ready);
+    this.#paint();
+  }
+
+  showObject(loaded: ObjectLoaded): void {
+    this.#thing.show(loaded);
+    this.#thing.group.visible = true;
+    this.showCloud(new Float32Array(0));
+  }
+
+  showCloud(points: Float32Array): void {
+    this.#cloud.show(points);
+    this.#wake();
+  }
+
+  showFrame(frame: Frame): void {
+    const now = performance.now();
+    if (frame.running) this.#motion.moveTo(frame.poses, now);
+    else this.#motion.jumpTo(frame.poses, now);
+    this.#cloud.fade(frame.phase !== "idle" && frame.phase !== "approach" && frame.phase !== "policy");
+    this.#frame = frame;
+    this.#wake();
+  }
+
+  setLayer(layer: Layer, on: boolean): void {
+    if (layer === "cloud") this.#cloud.points.visible = on;
+    if (layer === "hulls") this.#thing.showHulls(on);
+    if (layer === "sensor") this.#showsSensor = on;
+    this.#wake();
+  }
+
+  look(preset: Preset): void {
+    this.#viewpoint.goTo(preset, performance.now());
+    this.#wake();
+  }
+
+  #makeDraggable({ workspace }: Ready): void {
+    dragObject(this.#canvas, workspace, {
+      camera: this.#viewpoint.camera,
+      thing: this.#thing,
+      isFree: () => this.#frame?.phase === "idle" || this.#frame?.phase === "verdict",
+      grabbed: (on) => {
+        this.#studio?.highlight(on);
+        this.#canvas.style.cursor = on ? "grabbing" : "";
+        this.#wake();
+      },
+      moved: (x, y) => {
+        if (this.#frame) this.#events.place({ x, y, yaw: this.#frame.pose.yaw });
+      },
+    });
+  }
+
+  #paint(): void {
+    const colors: Colors = readColors();
+    this.#scene.background = colors.ground;
+    for (const painted of [this.#studio, this.#sensor, this.#thing, this.#cloud]) painted?.paint(colors);
+    this.#wake();
+  }
+
+  #resize(): void {
+    const { clientWidth: width, clientHeight: height } = this.#canvas;
+    if (width === 0 || height === 0) return;
+    this.#renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
+    this.#renderer.setSize(width, height, false);
+    this.#viewpoint.resize(width, height, this.#covered());
+    this.#wake();
+  }
+
+  // How much of the canvas's foot lies under the dock (CSS pixels).
+  #covered(): number {
+    const dock = document.querySelector(".dock")?.getBoundingClientRect();
+    return dock ? Math.max(0, this.#canvas.getBoundingClientRect().bottom - dock.top) : 0;
+  }
+
+  #wake(): void {
+    if (this.#isAwake) return;
+    this.#isAwake = true;
+    requestAnimationFrame((now) => this.#draw(now));
+  }
+
+  #draw(now: number): void {
+    this.#isAwake = false;
+    const isMoving = this.#motion.apply([...this.#links, this.#thing.group], now);
+    const isTurning = this.#viewpoint.update(now);
+    this.#sensor?.show(this.#showsSensor, this.#viewpoint.camera.position);
+    this.#renderer.render(this.#scene, this.#viewpoint.camera);
+    this.#canvas.dataset["drawn"] = String(this.#links.length);
+    if (isMoving || isTurning) this.#wake();
+  }
+}

@@ -1,0 +1,18 @@
+// Loads the Rust that does everything, and gets out of its way.
+
+import init, { start } from "engine/engine.js";
+import wasm from "engine/engine_bg.wasm?url";
+import type { Failure } from "./protocol";
+
+try {
+  await init({ module_or_path: wasm });
+  start();
+} catch (error) {
+  const failure: Failure = {
+    kind: "failure",
+    code: error instanceof WebAssembly.CompileError ? "wasm_unsupported" : "engine_not_loaded",
+    cause: String(error),
+    cure: "Reload the page. It needs WebAssembly with SIMD: Chrome 91, Firefox 89, Safari 16.4 or newer.",
+  };
+  postMessage(failure);
+}
