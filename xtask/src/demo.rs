@@ -1,0 +1,67 @@
+//! `demo` and `bench`: build, then hand over to the `ngf` program.
+
+use crate::page;
+use crate::place::{self, Place};
+use crate::stamp::timed;
+use anyhow::{Context, Result, bail};
+use std::path::Path;
+use std::process::Command;
+
+/// How the page is served.
+#[derive(clap::Args)]
+pub(crate) struct Options {
+    /// Port on 127.0.0.1.
+    #[arg(long, default_value_t = 8787)]
+    port: u16,
+    /// Do not open a browser.
+    #[arg(long)]
+    no_open: bool,
+}
+
+/// Builds what is not built, then serves until stopped.
+pub(crate) fn run(place: &Place, options: &Options) -> Result<()> {
+    build(place)?;
+    let port = options.port.to_string();
+    let mut serve = place.command(place.program("ngf"), &["serve", "--port", &port]);
+    if !options.no_open {
+        serve.arg("--open");
+    }
+    become_program(&mut serve)
+}
+
+/// Runs the measurements of `ngf bench`.
+pub(crate) fn bench(place: &Place, json: Option<&Path>) -> Result<()> {
+    place::run(&mut place.cargo(&["build", "-q", "-p", "ngf"]))?;
+    let mut bench = place.command(place.program("ngf"), &["bench"]);
+    if let Some(file) = json {
+        // Relative to where the user stands, not to the root folder.
+        bench.arg("--json").arg(std::path::absolute(file)?);
+    }
+    become_program(&mut bench)
+}
+
+/// Page and server side by side: the page's longest step is one thread of the linker.
+pub(crate) fn build(place: &Place) -> Result<()> {
+    let mut cargo = place.cargo(&["build", "-q", "-p", "ngf"]);
+    let mut server = cargo.spawn().context("cannot run cargo")?;
+    let page = page::build(place);
+    let status = timed("server", || Ok(server.wait()?))?;
+    page?;
+    if !status.success() {
+        bail!("`{}` failed ({status})", place::name(&cargo));
+    }
+    Ok(())
+}
+
+/// Replaces this process, so that signals reach the program itself.
+#[cfg(unix)]
+fn become_program(command: &mut Command) -> Result<()> {
+    use std::os::unix::process::CommandExt;
+    let error = command.exec();
+    Err(error).with_context(|| format!("cannot run {}", place::name(command)))
+}
+
+#[cfg(not(unix))]
+fn become_program(command: &mut Command) -> Result<()> {
+    place::run(command)
+}

@@ -1,0 +1,58 @@
+//! The project's own commands: `cargo xtask demo | check | test | bench`.
+//!
+//! Installs what is missing, builds in the right order, skips what has not changed.
+
+mod chromium;
+mod demo;
+mod page;
+mod place;
+mod stages;
+mod stamp;
+mod tally;
+mod tools;
+
+use clap::{Parser, Subcommand};
+use place::Place;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+/// Commands of this project.
+#[derive(Parser)]
+#[command(name = "cargo xtask", bin_name = "cargo xtask")]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Build everything and serve the page.
+    Demo(demo::Options),
+    /// Format, lints, quick tests, types: before every commit.
+    Check,
+    /// Everything that CI runs, in the browser too; ends with a count.
+    Test,
+    /// Measure.
+    Bench {
+        /// Also write the rows to this file.
+        #[arg(long, value_name = "FILE")]
+        json: Option<PathBuf>,
+    },
+}
+
+fn main() -> ExitCode {
+    let done = Place::find().and_then(|place| match Cli::parse().command {
+        Command::Demo(options) => demo::run(&place, &options).map(|()| true),
+        Command::Check => stages::check(&place),
+        Command::Test => stages::test(&place),
+        Command::Bench { json } => demo::bench(&place, json.as_deref()).map(|()| true),
+    });
+    match done {
+        Ok(true) => ExitCode::SUCCESS,
+        Ok(false) => ExitCode::FAILURE,
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}

@@ -1,0 +1,147 @@
+//! `check` and `test`: stages one after the other, and the count of their test cases.
+
+use crate::chromium;
+use crate::place::{Place, name, run};
+use crate::tally::Tally;
+use crate::{demo, tools};
+use anyhow::{Context, Result};
+use std::io::{BufRead, BufReader};
+use std::process::{Command, Stdio};
+use std::time::Instant;
+
+/// Members that do not take part in native builds: one runs in the browser, one runs it there.
+const NOT_NATIVE: [&str; 4] = ["--exclude", "wasm", "--exclude", "wasm-test-runner"];
+
+/// Seconds for a test in the browser; the runner's own limit of 20 is for unit tests.
+const WASM_TEST_SECONDS: &str = "300";
+
+/// What ran so far.
+struct Stages {
+    tally: Tally,
+    failed: Vec<&'static str>,
+    begin: Instant,
+}
+
+/// Format, lints, quick tests and types. `Ok(false)` if any of them failed.
+pub(crate) fn check(place: &Place) -> Result<bool> {
+    let mut stages = Stages::new();
+    quick(place, &mut stages);
+    Ok(stages.report())
+}
+
+/// All of `check`, then what runs in the browser, then the documentation.
+pub(crate) fn test(place: &Place) -> Result<bool> {
+    let mut stages = Stages::new();
+    quick(place, &mut stages);
+    stages.stage("wasm", |stages| stages.count(&mut wasm_tests(place)?));
+    stages.stage("browser", |stages| {
+        demo::build(place)?;
+        stages.count(&mut browser_tests(place)?)
+    });
+    stages.stage("docs", |_| {
+        let args = ["doc", "-q", "--workspace", "--no-deps", "--exclude", "wasm-test-runner"];
+        run(place.cargo(&args).env("RUSTDOCFLAGS", "-D warnings"))
+    });
+    Ok(stages.report())
+}
+
+fn quick(place: &Place, stages: &mut Stages) {
+    stages.stage("format", |_| run(&mut place.cargo(&["fmt", "--all", "--check"])));
+    stages.stage("lints", |_| {
+        let mut clippy = place.cargo(&["clippy", "-q", "--workspace", "--all-targets"]);
+        run(clippy.args(["--exclude", "wasm-test-runner", "--", "-D", "warnings"]))
+    });
+    stages.stage("native", |stages| {
+        let mut cargo = place.cargo(&["test", "--workspace", "--no-fail-fast"]);
+        stages.count(cargo.args(NOT_NATIVE))
+    });
+    stages.stage("types", |_| {
+        tools::node(place)?;
+        tools::npm_packages(place, "packages", &place.web())?;
+        run(&mut place.npm(&place.web(), &["run", "--silent", "typecheck"]))
+    });
+}
+
+/// The tests of the worker's crate, in headless Chromium.
+fn wasm_tests(place: &Place) -> Result<Command> {
+    let chromium = chromium::find(place)?;
+    tools::wasm_target(place)?;
+    run(&mut place.cargo(&["build", "-q", "-p", "wasm-test-runner"]))?;
+    let runner = place.program("wasm-test-runner");
+    let mut cargo = place.cargo(&[
+        "test",
+        "-p",
+        "wasm",
+        "--lib",
+        "--tests",
+        "--target",
+        "wasm32-unknown-unknown",
+    ]);
+    cargo
+        .arg("--no-fail-fast")
+        .env("CARGO_TARGET_WASM32_UNKNOWN_UNKNOWN_RUNNER", runner)
+        .env("CHROMEDRIVER", chromium.driver)
+        .env("WASM_BINDGEN_TEST_TIMEOUT", WASM_TEST_SECONDS);
+    Ok(cargo)
+}
+
+/// The tests of the served page, end to end.
+fn browser_tests(place: &Place) -> Result<Command> {
+    let chromium = chromium::find(place)?;
+    let folder = place.browser_tests();
+    tools::npm_packages(place, "browser-packages", &folder)?;
+    let mut npm = place.npm(&folder, &["test", "--silent"]);
+    npm.env("CHROMIUM", chromium.browser)
+        .env("NGF", place.program("ngf"))
+        .env("SCREENSHOTS", place.target.join("screenshots"));
+    Ok(npm)
+}
+
+impl Stages {
+    fn new() -> Self {
+        Self { tally: Tally::default(), failed: Vec::new(), begin: Instant::now() }
+    }
+
+    /// Runs one stage; a failure is told and kept, and the others still run.
+    fn stage(&mut self, name: &'static str, work: impl FnOnce(&mut Self) -> Result<()>) {
+        println!("\n--- {name}");
+        let begin = Instant::now();
+        match work(self) {
+            Ok(()) => println!("{name}: {:.1} s", begin.elapsed().as_secs_f32()),
+            Err(error) => {
+                println!("{name}: failed: {error:#}");
+                self.failed.push(name);
+            }
+        }
+    }
+
+    /// Runs a command, passing its output on and counting the test cases in it.
+    fn count(&mut self, command: &mut Command) -> Result<()> {
+        let mut child = command
+            .stdout(Stdio::piped())
+            .spawn()
+            .with_context(|| format!("cannot run {}", name(command)))?;
+        let output = child.stdout.take().context("a pipe")?;
+        for line in BufReader::new(output).split(b'\n') {
+            let line = line?;
+            let line = String::from_utf8_lossy(&line);
+            println!("{line}");
+            self.tally += Tally::of_line(&line);
+        }
+        let status = child.wait()?;
+        anyhow::ensure!(status.success(), "`{}` failed ({status})", name(command));
+        Ok(())
+    }
+
+    /// The last line: how many test cases passed and failed, and which stages did.
+    fn report(&self) -> bool {
+        let Tally { passed, failed } = self.tally;
+        let seconds = self.begin.elapsed().as_secs_f32();
+        let stages = match self.failed.as_slice() {
+            [] => "all stages passed".to_owned(),
+            failed => format!("stages that failed: {}", failed.join(", ")),
+        };
+        println!("\n{passed} passed, {failed} failed; {stages} ({seconds:.0} s)");
+        failed == 0 && self.failed.is_empty()
+    }
+}
