@@ -1,0 +1,113 @@
+//! Fetching a model from the server, with its progress in bytes.
+
+use crate::protocol::Failure;
+use js_sys::{Reflect, Uint8Array};
+use serde::Deserialize;
+use wasm_bindgen::{JsCast, JsValue};
+use wasm_bindgen_futures::JsFuture;
+use web_sys::{ReadableStreamDefaultReader, Response, WorkerGlobalScope};
+
+/// The contents of a model's three files.
+pub(crate) struct ModelFiles {
+    pub(crate) weights: Vec<u8>,
+    pub(crate) starts: Vec<u8>,
+    pub(crate) config: Vec<u8>,
+}
+
+/// A model as the server describes it.
+#[derive(Deserialize)]
+struct Card {
+    files: Files,
+}
+
+#[derive(Deserialize)]
+struct Files {
+    weights: Option<File>,
+    starts: Option<File>,
+    config: Option<File>,
+}
+
+#[derive(Deserialize)]
+struct File {
+    url: String,
+    bytes: f64,
+}
+
+/// Fetches the model of this id; `None` if the server has none. `progress` gets bytes done and all.
+pub(crate) async fn model(
+    id: &str,
+    mut progress: impl FnMut(f64, f64),
+) -> Result<Option<ModelFiles>, Failure> {
+    let response = get(&format!("/api/v1/models/{id}")).await?;
+    if response.status() == 404 {
+        return Ok(None);
+    }
+    let card = read(&response, |_| {}).await?;
+    let card: Card = serde_json::from_slice(&card)
+        .map_err(|error| failed(&format!("its card is not understood: {error}")))?;
+    let Files { weights: Some(weights), starts: Some(starts), config: Some(config) } = card.files
+    else {
+        return Err(failed("weights, start configurations or configuration are missing"));
+    };
+
+    let total = weights.bytes + starts.bytes + config.bytes;
+    let mut done = 0.0;
+    let mut contents = Vec::new();
+    for file in [weights, starts, config] {
+        let response = get(&file.url).await?;
+        let bytes = read(&response, |bytes| progress(done + bytes, total)).await?;
+        if bytes.len() as f64 != file.bytes {
+            let (found, wanted) = (bytes.len(), file.bytes);
+            return Err(failed(&format!("{} has {found} bytes instead of {wanted}", file.url)));
+        }
+        done += file.bytes;
+        contents.push(bytes);
+    }
+    let [weights, starts, config] = <[Vec<u8>; 3]>::try_from(contents)
+        .map_err(|files| failed(&format!("{} files came instead of 3", files.len())))?;
+    Ok(Some(ModelFiles { weights, starts, config }))
+}
+
+/// An answer that is good, or 404.
+async fn get(url: &str) -> Result<Response, Failure> {
+    let scope: WorkerGlobalScope = js_sys::global().unchecked_into();
+    let response = JsFuture::from(scope.fetch_with_str(url)).await.map_err(|e| lost(&e))?;
+    let response: Response = response.unchecked_into();
+    match response.status() {
+        200 | 404 => Ok(response),
+        status => Err(failed(&format!("{url} answered {status}"))),
+    }
+}
+
+/// The whole body; `progress` gets the bytes so far.
+async fn read(response: &Response, mut progress: impl FnMut(f64)) -> Result<Vec<u8>, Failure> {
+    let Some(body) = response.body() else { return Ok(Vec::new()) };
+    let reader: ReadableStreamDefaultReader = body.get_reader().unchecked_into();
+    let mut bytes = Vec::new();
+    loop {
+        let chunk = JsFuture::from(reader.read()).await.map_err(|e| lost(&e))?;
+        let member = |name: &str| Reflect::get(&chunk, &JsValue::from_str(name));
+        if member("done").is_ok_and(|done| done.is_truthy()) {
+            return Ok(bytes);
+        }
+        let value: Uint8Array = member("value").map_err(|e| lost(&e))?.unchecked_into();
+        let begin = bytes.len();
+        bytes.resize(begin + value.length() as usize, 0);
+        value.copy_to(&mut bytes[begin..]);
+        progress(bytes.len() as f64);
+    }
+}
+
+/// The connection broke.
+fn lost(error: &JsValue) -> Failure {
+    let error: &js_sys::Error = error.unchecked_ref();
+    failed(&String::from(error.message()))
+}
+
+fn failed(cause: &str) -> Failure {
+    Failure {
+        code: "model_not_fetched",
+        cause: format!("The policy could not be fetched: {cause}."),
+        cure: "Check that the server is running, and reload the page.".into(),
+    }
+}

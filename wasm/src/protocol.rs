@@ -1,0 +1,243 @@
+//! What the page and its worker say to each other. The same in TypeScript: web/src/protocol.ts.
+//!
+//! Metres, radians, kilograms, seconds; z is up; quaternions are x, y, z, w.
+
+use crate::statistics::Tally;
+use geometry::mesh::Mesh;
+use js_sys::{Float32Array, Uint32Array};
+use serde::{Deserialize, Serialize};
+use serde_wasm_bindgen::preserve;
+
+/// From the page.
+#[derive(Debug, Deserialize)]
+#[serde(tag = "kind", rename_all = "camelCase", rename_all_fields = "camelCase")]
+pub(crate) enum ToWorker {
+    Load {
+        object: String,
+    },
+    Upload {
+        file_name: String,
+        #[serde(with = "serde_bytes")]
+        bytes: Vec<u8>,
+        unit: Option<Unit>,
+    },
+    Place {
+        pose: PlanarPose,
+    },
+    /// The pose that an attempt with this seed draws.
+    RandomPose {
+        seed: u32,
+    },
+    Grasp {
+        seed: u32,
+    },
+    Pause,
+    Resume,
+    Step,
+    Reset,
+    Speed {
+        factor: f64,
+    },
+}
+
+/// A unit of length that a file may be drawn in.
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Serialize)]
+pub(crate) enum Unit {
+    #[serde(rename = "m")]
+    Metre,
+    #[serde(rename = "cm")]
+    Centimetre,
+    #[serde(rename = "mm")]
+    Millimetre,
+    #[serde(rename = "in")]
+    Inch,
+}
+
+/// Where an object stands on the table.
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Serialize)]
+pub(crate) struct PlanarPose {
+    pub(crate) x: f32,
+    pub(crate) y: f32,
+    pub(crate) yaw: f32,
+}
+
+/// To the page.
+#[derive(Serialize)]
+#[serde(tag = "kind", rename_all = "camelCase")]
+pub(crate) enum FromWorker {
+    Ready(Ready),
+    Object(ObjectLoaded),
+    Frame(Frame),
+    Cloud(Cloud),
+    Progress(Progress),
+    Model(Model),
+    Verdict(Verdict),
+    Failure(Failure),
+}
+
+/// A surface.
+#[derive(Serialize)]
+pub(crate) struct Shape {
+    #[serde(with = "preserve")]
+    positions: Float32Array,
+    #[serde(with = "preserve")]
+    indices: Uint32Array,
+}
+
+impl Shape {
+    pub(crate) fn of(mesh: &Mesh) -> Self {
+        let positions: Vec<f32> = mesh.vertices.iter().flat_map(|v| v.to_array()).collect();
+        let indices = Uint32Array::from(mesh.triangles.as_flattened());
+        Self { positions: Float32Array::from(positions.as_slice()), indices }
+    }
+}
+
+/// A part of the robot: it moves with the body of this index.
+#[derive(Serialize)]
+pub(crate) struct Link {
+    pub(crate) body: usize,
+    pub(crate) name: String,
+    pub(crate) color: &'static str,
+    pub(crate) shape: Shape,
+}
+
+#[derive(Serialize)]
+pub(crate) struct Table {
+    pub(crate) center: [f32; 3],
+    pub(crate) half: [f32; 3],
+}
+
+#[derive(Serialize)]
+pub(crate) struct Rectangle {
+    pub(crate) x: [f32; 2],
+    pub(crate) y: [f32; 2],
+}
+
+#[derive(Serialize)]
+#[serde(rename_all = "camelCase")]
+pub(crate) struct DepthCamera {
+    pub(crate) position: [f32; 3],
+    pub(crate) target: [f32; 3],
+    pub(crate) hfov_deg: f32,
+    pub(crate) aspect: f32,
+}
+
+#[derive(Serialize)]
+pub(crate) struct BuiltIn {
+    pub(crate) name: &'static str,
+    pub(crate) label: String,
+}
+
+#[derive(Serialize)]
+pub(crate) struct Ready {
+    pub(crate) links: Vec<Link>,
+    pub(crate) table: Table,
+    pub(crate) workspace: Rectangle,
+    pub(crate) camera: DepthCamera,
+    pub(crate) objects: Vec<BuiltIn>,
+}
+
+/// What was found out about an object.
+#[derive(Clone, Debug, Serialize)]
+#[serde(rename_all = "camelCase")]
+pub(crate) struct Report {
+    pub(crate) extent_cm: [f32; 3],
+    pub(crate) mass_kg: f32,
+    pub(crate) triangles: usize,
+    pub(crate) watertight: bool,
+    pub(crate) parts: usize,
+    pub(crate) unit: Option<Unit>,
+    pub(crate) reason: Option<String>,
+    pub(crate) notes: Vec<String>,
+}
+
+#[derive(Serialize)]
+pub(crate) struct ObjectLoaded {
+    pub(crate) name: Option<String>,
+    pub(crate) label: String,
+    pub(crate) shape: Shape,
+    pub(crate) hulls: Vec<Shape>,
+    pub(crate) report: Report,
+}
+
+/// Phases of an attempt; `Idle` is before the first and after a reset.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "camelCase")]
+pub(crate) enum Phase {
+    Idle,
+    Approach,
+    Policy,
+    Lift,
+    Hold,
+    Verdict,
+}
+
+#[derive(Serialize)]
+pub(crate) struct Frame {
+    /// Seven numbers a body: position, quaternion; the robot's bodies, then the object.
+    #[serde(with = "preserve")]
+    pub(crate) poses: Float32Array,
+    pub(crate) pose: PlanarPose,
+    pub(crate) phase: Phase,
+    pub(crate) time: f64,
+    pub(crate) running: bool,
+    pub(crate) factor: f64,
+    pub(crate) measured: Option<f64>,
+}
+
+#[derive(Serialize)]
+pub(crate) struct Cloud {
+    #[serde(with = "preserve")]
+    pub(crate) points: Float32Array,
+}
+
+#[derive(Serialize)]
+#[serde(rename_all = "camelCase")]
+pub(crate) enum Amount {
+    Bytes,
+    Steps,
+}
+
+#[derive(Serialize)]
+pub(crate) struct Progress {
+    pub(crate) label: String,
+    pub(crate) done: f64,
+    pub(crate) total: Option<f64>,
+    pub(crate) unit: Amount,
+    pub(crate) finished: bool,
+}
+
+impl Progress {
+    /// Something that takes its time, nobody knows how long.
+    pub(crate) fn begin(label: impl Into<String>) -> Self {
+        Self { label: label.into(), done: 0.0, total: None, unit: Amount::Steps, finished: false }
+    }
+
+    /// Nothing more to wait for.
+    pub(crate) fn end() -> Self {
+        Self { finished: true, ..Self::begin("") }
+    }
+}
+
+#[derive(Serialize)]
+pub(crate) struct Model {
+    pub(crate) id: Option<String>,
+    pub(crate) words: String,
+}
+
+#[derive(Serialize)]
+pub(crate) struct Verdict {
+    pub(crate) lifted: bool,
+    pub(crate) words: String,
+    pub(crate) seed: u32,
+    pub(crate) hash: String,
+    pub(crate) tally: Tally,
+}
+
+/// What went wrong, why, and what to do.
+#[derive(Clone, Debug, Serialize)]
+pub(crate) struct Failure {
+    pub(crate) code: &'static str,
+    pub(crate) cause: String,
+    pub(crate) cure: String,
+}
