@@ -2,6 +2,13 @@
 //!
 //! Offline: candle trains here, and the networks that run elsewhere are held to these by tests.
 
+pub mod autoencoder;
+pub mod checkpoint;
+pub mod dagger;
 pub mod dataset;
 pub mod evaluation;
+pub mod expert;
+pub mod nn;
+pub mod shards;
 pub mod store;
+pub mod training;

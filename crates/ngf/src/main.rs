@@ -5,6 +5,7 @@ mod evaluate;
 mod objects;
 mod replay;
 mod serve;
+mod train;
 
 use clap::{Parser, Subcommand};
 
@@ -24,6 +25,9 @@ enum Command {
     Grasps(dataset::GraspOptions),
     /// Make demonstrations and clouds.
     Dataset(dataset::Options),
+    /// Train encoder and policy.
+    #[command(subcommand)]
+    Train(train::Options),
     /// Run attempts by the protocol and count them.
     Evaluate(evaluate::Options),
     /// Replay a recorded episode and print its verdict and final state hash.
@@ -35,6 +39,7 @@ fn main() -> std::process::ExitCode {
         Command::Serve(options) => serve::run(&options),
         Command::Grasps(options) => dataset::grasps(&options),
         Command::Dataset(options) => dataset::run(&options),
+        Command::Train(options) => train::run(&options),
         Command::Evaluate(options) => evaluate::run(&options),
         Command::Replay(options) => replay::run(&options),
     };

@@ -13,6 +13,10 @@ pub const HIDDEN: usize = 512;
 /// Speed (rad/s) that counts as one in the network's input.
 pub const SPEED_SCALE: f64 = 1.0;
 
+/// ψ in units of the network's output: brings accelerations of tens of rad/s² within reach of weights
+/// of order one.
+pub const POTENTIAL_SCALE: f32 = 20.0;
+
 /// What decides the inputs of the networks.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct NgfConfig {
@@ -34,7 +38,7 @@ impl NgfConfig {
         Self {
             hidden: HIDDEN,
             frequency_seed: 2309,
-            position_scale: 1.0,
+            position_scale: 0.7,
             velocity_scale: 3.0,
             latent_scale: 6.0,
         }
@@ -148,7 +152,7 @@ impl Ngf {
             potential_gradient: gradient
                 .iter()
                 .zip(&range)
-                .map(|(g, r)| g * (2.0 / r) as f32)
+                .map(|(g, r)| g * POTENTIAL_SCALE * (2.0 / r) as f32)
                 .collect(),
             damping: apply(4)[0],
         }
@@ -163,6 +167,6 @@ impl Ngf {
     /// The potential ψ(q, z).
     pub fn potential(&self, state: &JointState, z: &[f32]) -> f32 {
         let (fourier, mlp) = &self.networks[3];
-        mlp.apply(&fourier.features(&inputs(&PARTS[3], &self.limits, state, z)))[0]
+        POTENTIAL_SCALE * mlp.apply(&fourier.features(&inputs(&PARTS[3], &self.limits, state, z)))[0]
     }
 }

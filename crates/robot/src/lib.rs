@@ -7,7 +7,6 @@ pub mod ik;
 pub mod integrator;
 pub mod kinematics;
 pub mod limits;
-pub mod look;
 pub mod rotation;
 pub mod solids;
 pub mod spheres;

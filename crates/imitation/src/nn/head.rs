@@ -1,0 +1,191 @@
+//! Eq. 3 to 5 on a batch, with a gradient by hand; the twin of `policy::head`.
+
+use candle_core::{CpuStorage, CustomOp2, Layout, Result, Shape, Tensor};
+use policy::head::{DAMPING, METRIC_FLOOR, REST, TRIANGLE, positive};
+use policy::mlp::elu_slope;
+use robot::{DOF, JointMatrix, JointVector};
+
+/// Columns of the packed outputs: U_g, U_f, χ, ∂ψ, β_f.
+pub const PACKED: usize = 2 * TRIANGLE + 2 * DOF + 1;
+
+/// The fabric's acceleration (B, DOF) from packed outputs (B, PACKED) and velocities (B, DOF).
+pub struct Head;
+
+struct Sample {
+    lower: [JointMatrix; 2],
+    chi: JointVector,
+    gradient: JointVector,
+    damping: f64,
+}
+
+/// Everything of a forward pass that the backward pass needs.
+struct Resolved {
+    geometry_metric: JointMatrix,
+    metric: nalgebra::Cholesky<f64, nalgebra::Const<DOF>>,
+    pi: JointVector,
+    /// M⁻¹ f_g and M⁻¹ f_f.
+    y: JointVector,
+    w: JointVector,
+    qdd: JointVector,
+}
+
+impl Sample {
+    fn unpack(row: &[f32]) -> Self {
+        let triangle = |entries: &[f32]| {
+            let mut lower = JointMatrix::zeros();
+            let mut entries = entries.iter();
+            for r in 0..DOF {
+                for (c, x) in (0..=r).zip(entries.by_ref()) {
+                    lower[(r, c)] = if r == c { positive(*x) } else { *x } as f64;
+                }
+            }
+            lower
+        };
+        let vector = |at: usize| JointVector::from_fn(|i, _| row[at + i] as f64);
+        Self {
+            lower: [triangle(&row[..TRIANGLE]), triangle(&row[TRIANGLE..2 * TRIANGLE])],
+            chi: vector(2 * TRIANGLE),
+            gradient: vector(2 * TRIANGLE + DOF),
+            damping: positive(row[PACKED - 1]) as f64,
+        }
+    }
+
+    fn resolve(&self, qd: &JointVector) -> Option<Resolved> {
+        let floor = JointMatrix::identity() * METRIC_FLOOR;
+        let [geometry_metric, driving_metric] =
+            [0, 1].map(|k| self.lower[k] * self.lower[k].transpose() + floor);
+        let metric = (geometry_metric + driving_metric).cholesky()?;
+        let pi = self.chi * qd.norm_squared();
+        let y = metric.solve(&(geometry_metric * pi));
+        let w = metric.solve(&(self.gradient + qd * self.damping));
+        let alpha = qd.dot(&y) / (qd.norm_squared() + REST);
+        let qdd = -y + qd * (alpha - DAMPING) - w;
+        Some(Resolved { geometry_metric, metric, pi, y, w, qdd })
+    }
+
+    /// Gradient with respect to the packed row, given that with respect to q̈.
+    fn pull_back(&self, row: &[f32], qd: &JointVector, of_qdd: &JointVector) -> Vec<f32> {
+        let Some(r) = self.resolve(qd) else { return vec![0.0; PACKED] };
+        // q̈ = -P y - w - β q̇ with P = I - q̇ q̇ᵀ / (q̇ᵀq̇ + ε).
+        let projected = of_qdd - qd * (qd.dot(of_qdd) / (qd.norm_squared() + REST));
+        let u = -r.metric.solve(&projected);
+        let v = -r.metric.solve(of_qdd);
+        let of_metric = -(u * r.y.transpose() + v * r.w.transpose());
+        let of_geometry = of_metric + u * r.pi.transpose();
+        let mut out = Vec::with_capacity(PACKED);
+        for (of_matrix, lower) in [of_geometry, of_metric].iter().zip(&self.lower) {
+            let of_lower = (of_matrix + of_matrix.transpose()) * lower;
+            for row_index in 0..DOF {
+                for c in 0..=row_index {
+                    let slope = if row_index == c { elu_slope(row[out.len()]) as f64 } else { 1.0 };
+                    out.push((of_lower[(row_index, c)] * slope) as f32);
+                }
+            }
+        }
+        let of_chi = r.geometry_metric * u * qd.norm_squared();
+        out.extend(of_chi.iter().chain(v.iter()).map(|x| *x as f32));
+        out.push((v.dot(qd) * elu_slope(row[PACKED - 1]) as f64) as f32);
+        out
+    }
+}
+
+fn velocity(row: &[f32]) -> JointVector {
+    JointVector::from_fn(|i, _| row[i] as f64)
+}
+
+impl CustomOp2 for Head {
+    fn name(&self) -> &'static str {
+        "fabric-head"
+    }
+
+    fn cpu_fwd(
+        &self,
+        s1: &CpuStorage,
+        l1: &Layout,
+        s2: &CpuStorage,
+        l2: &Layout,
+    ) -> Result<(CpuStorage, Shape)> {
+        let (packed, qd) = (contiguous(s1, l1)?, contiguous(s2, l2)?);
+        let mut out = Vec::with_capacity(qd.len());
+        for (row, qd) in packed.chunks_exact(PACKED).zip(qd.chunks_exact(DOF)) {
+            let qdd = Sample::unpack(row).resolve(&velocity(qd)).map(|r| r.qdd);
+            let qdd = qdd.unwrap_or_else(|| JointVector::from_element(f64::NAN));
+            out.extend(qdd.iter().map(|x| *x as f32));
+        }
+        let shape = Shape::from((out.len() / DOF, DOF));
+        Ok((CpuStorage::F32(out), shape))
+    }
+
+    fn bwd(
+        &self,
+        packed: &Tensor,
+        qd: &Tensor,
+        _: &Tensor,
+        gradient: &Tensor,
+    ) -> Result<(Option<Tensor>, Option<Tensor>)> {
+        let rows = packed.flatten_all()?.to_vec1::<f32>()?;
+        let velocities = qd.flatten_all()?.to_vec1::<f32>()?;
+        let gradients = gradient.flatten_all()?.to_vec1::<f32>()?;
+        let mut out = Vec::with_capacity(rows.len());
+        let samples = rows.chunks_exact(PACKED);
+        for ((row, qd), g) in
+            samples.zip(velocities.chunks_exact(DOF)).zip(gradients.chunks_exact(DOF))
+        {
+            out.extend(Sample::unpack(row).pull_back(row, &velocity(qd), &velocity(g)));
+        }
+        Ok((Some(Tensor::from_vec(out, packed.shape(), packed.device())?), None))
+    }
+}
+
+/// The values of a contiguous f32 tensor.
+pub(crate) fn contiguous<'a>(storage: &'a CpuStorage, layout: &Layout) -> Result<&'a [f32]> {
+    let values = storage.as_slice::<f32>()?;
+    match layout.contiguous_offsets() {
+        Some((start, end)) => Ok(&values[start..end]),
+        None => candle_core::bail!("this operation needs contiguous tensors"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use candle_core::{Device, Var};
+
+    #[test]
+    fn gradient_agrees_with_central_differences() {
+        let row: Vec<f32> = (0..PACKED).map(|k| libm::sinf((k * k) as f32) * 0.7).collect();
+        let qd = JointVector::from_fn(|i, _| libm::cos(i as f64));
+        let weights = JointVector::from_fn(|i, _| libm::sin(3.0 * i as f64 + 1.0));
+        let value = |row: &[f32]| Sample::unpack(row).resolve(&qd).unwrap().qdd.dot(&weights);
+        let gradient = Sample::unpack(&row).pull_back(&row, &qd, &weights);
+        for k in (0..PACKED).step_by(7).chain(2 * TRIANGLE..PACKED) {
+            let (mut up, mut down) = (row.clone(), row.clone());
+            up[k] += 1e-2;
+            down[k] -= 1e-2;
+            let wanted = (value(&up) - value(&down)) / (up[k] - down[k]) as f64;
+            let error = (gradient[k] as f64 - wanted).abs();
+            assert!(error < 2e-3 * (1.0 + wanted.abs()), "{k}: {} against {wanted}", gradient[k]);
+        }
+    }
+
+    #[test]
+    fn it_is_the_head_that_runs() {
+        let row: Vec<f32> = (0..PACKED).map(|k| libm::cosf((3 * k) as f32)).collect();
+        let qd = JointVector::from_fn(|i, _| 0.1 * i as f64 - 1.0);
+        let outputs = policy::head::Outputs {
+            geometry_metric: row[..TRIANGLE].to_vec(),
+            geometry: row[2 * TRIANGLE..2 * TRIANGLE + DOF].to_vec(),
+            driving_metric: row[TRIANGLE..2 * TRIANGLE].to_vec(),
+            potential_gradient: row[2 * TRIANGLE + DOF..PACKED - 1].to_vec(),
+            damping: row[PACKED - 1],
+        };
+        let wanted = outputs.fabric(&qd).acceleration(&qd).unwrap();
+        let packed = Var::from_vec(row, (1, PACKED), &Device::Cpu).unwrap();
+        let speeds: Vec<f32> = qd.iter().map(|x| *x as f32).collect();
+        let qd = Tensor::from_vec(speeds, (1, DOF), &Device::Cpu).unwrap();
+        let got = packed.apply_op2(&qd, Head).unwrap().to_vec2::<f32>().unwrap();
+        for i in 0..DOF {
+            assert!((got[0][i] as f64 - wanted[i]).abs() < 1e-4 * wanted.norm());
+        }
+    }
+}

@@ -1,0 +1,162 @@
+//! The NGF on a batch; the twin of `policy::ngf`. ∂ψ/∂q is built from forward operations, so that
+//! one ordinary backward pass trains it.
+
+use super::head::Head;
+use super::{Params, dense, mlp};
+use anyhow::Result;
+use candle_core::{Device, Tensor};
+use policy::fourier::{FREQUENCIES, Fourier};
+use policy::ngf::{NgfConfig, PARTS, POTENTIAL_SCALE, inputs};
+use rand_chacha::ChaCha8Rng;
+use robot::{DOF, JointState, Limits};
+
+/// β_f of a fresh network.
+const FIRST_DAMPING: f32 = 50.0;
+/// Layers of each network.
+const LAYERS: usize = 4;
+
+/// The five networks' fixed projections.
+pub struct Ngf {
+    limits: Limits,
+    fourier: Vec<(Fourier, Tensor)>,
+    /// ∂(normalised q)/∂q times the scale of ψ, shape (1, DOF).
+    slope: Tensor,
+}
+
+/// Adds fresh parameters of the five networks.
+pub fn init(params: &mut Params, config: &NgfConfig, rng: &mut ChaCha8Rng) -> Result<()> {
+    for part in &PARTS {
+        params.add_mlp(part.name, &part.widths(config), 0.1, rng)?;
+    }
+    // Damping begins at that of the expert instead of at one thirtieth of it: M begins near 2 I.
+    let last = format!("{}.{}.bias", PARTS[4].name, LAYERS - 1);
+    params.add(&last, &[1], vec![FIRST_DAMPING])
+}
+
+impl Ngf {
+    /// Draws the frequencies.
+    pub fn new(config: &NgfConfig, limits: &Limits) -> Result<Self> {
+        let fourier = PARTS
+            .iter()
+            .enumerate()
+            .map(|(i, part)| {
+                let fourier = part.fourier(config, i);
+                let shape = (fourier.inputs, FREQUENCIES);
+                let tensor = Tensor::from_vec(fourier.frequencies.clone(), shape, &Device::Cpu)?;
+                Ok((fourier, tensor))
+            })
+            .collect::<Result<_>>()?;
+        let range = limits.upper - limits.lower;
+        let slope: Vec<f32> = range.iter().map(|r| POTENTIAL_SCALE * (2.0 / r) as f32).collect();
+        let slope = Tensor::from_vec(slope, (1, DOF), &Device::Cpu)?;
+        Ok(Self { limits: limits.clone(), fourier, slope })
+    }
+
+    /// Accelerations, shape (B, DOF), for states and latents of a batch.
+    pub fn accelerations(&self, params: &Params, states: &[JointState], z: &[&[f32]]) -> Result<Tensor> {
+        let packed = [
+            self.apply(params, 0, states, z)?,
+            self.apply(params, 2, states, z)?,
+            self.apply(params, 1, states, z)?,
+            self.potential_gradient(params, states, z)?,
+            self.apply(params, 4, states, z)?,
+        ];
+        let packed = Tensor::cat(&packed, 1)?.contiguous()?;
+        let qd: Vec<f32> = states.iter().flat_map(|s| s.qd.iter().map(|x| *x as f32)).collect();
+        let qd = Tensor::from_vec(qd, (states.len(), DOF), &Device::Cpu)?;
+        Ok(packed.apply_op2(&qd, Head)?)
+    }
+
+    fn apply(&self, params: &Params, part: usize, states: &[JointState], z: &[&[f32]]) -> Result<Tensor> {
+        let (cos, sin) = self.features(part, states, z)?;
+        Ok(mlp(&Tensor::cat(&[cos, sin], 1)?, params, PARTS[part].name, LAYERS)?)
+    }
+
+    /// Cosines and sines, each (B, FREQUENCIES); constants of the graph.
+    fn features(&self, part: usize, states: &[JointState], z: &[&[f32]]) -> Result<(Tensor, Tensor)> {
+        let (fourier, frequencies) = &self.fourier[part];
+        let x: Vec<f32> = states
+            .iter()
+            .zip(z)
+            .flat_map(|(state, z)| inputs(&PARTS[part], &self.limits, state, z))
+            .collect();
+        let x = Tensor::from_vec(x, (states.len(), fourier.inputs), &Device::Cpu)?;
+        let phases = x.matmul(frequencies)?;
+        Ok((phases.cos()?, phases.sin()?))
+    }
+
+    /// ∂ψ/∂q, shape (B, DOF): back through the layers, the features and the normalisation.
+    fn potential_gradient(
+        &self,
+        params: &Params,
+        states: &[JointState],
+        z: &[&[f32]],
+    ) -> Result<Tensor> {
+        let name = PARTS[3].name;
+        let (cos, sin) = self.features(3, states, z)?;
+        let mut h = Tensor::cat(&[&cos, &sin], 1)?;
+        let mut slopes = Vec::new();
+        for layer in 0..LAYERS - 1 {
+            let x = dense(&h, params, &format!("{name}.{layer}"))?;
+            slopes.push(x.minimum(0f64)?.exp()?);
+            h = x.elu(1.0)?;
+        }
+        let last = params.tensor(&format!("{name}.{}.weight", LAYERS - 1))?;
+        let mut gradient = slopes[LAYERS - 2].broadcast_mul(&last.t()?)?;
+        for layer in (0..LAYERS - 1).rev() {
+            let weight = params.tensor(&format!("{name}.{layer}.weight"))?;
+            gradient = gradient.matmul(&weight.t()?)?;
+            if layer > 0 {
+                gradient = (gradient * &slopes[layer - 1])?;
+            }
+        }
+        let of_cos = gradient.narrow(1, 0, FREQUENCIES)?;
+        let of_sin = gradient.narrow(1, FREQUENCIES, FREQUENCIES)?;
+        let of_phases = ((of_sin * &cos)? - (of_cos * &sin)?)?;
+        let frequencies = self.fourier[3].1.narrow(0, 0, DOF)?.t()?;
+        Ok(of_phases.matmul(&frequencies)?.broadcast_mul(&self.slope)?)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use policy::encoder::LATENT;
+    use rand::SeedableRng;
+    use robot::{JointVector, Tree};
+
+    #[test]
+    fn the_twin_agrees_with_the_network_that_runs() {
+        let tree = Tree::iiwa7_allegro().unwrap();
+        let config = NgfConfig::tiny();
+        let mut params = Params::default();
+        init(&mut params, &config, &mut ChaCha8Rng::seed_from_u64(4)).unwrap();
+        // The twins are compared on the same rounded weights.
+        let bytes = params.export(&[]).unwrap();
+        let tensors = policy::weights::Tensors::parse(&bytes).unwrap();
+        let runs = policy::Ngf::load(&tensors, &config, &tree.limits).unwrap();
+        let halves: Vec<f32> = params
+            .values()
+            .unwrap()
+            .iter()
+            .map(|&x| half::f16::from_f32(x).to_f32())
+            .collect();
+        params.set_values(&halves).unwrap();
+
+        let states: Vec<JointState> = (0..8)
+            .map(|k| JointState {
+                q: JointVector::from_fn(|i, _| libm::sin((k * 5 + i) as f64) * 0.8),
+                qd: JointVector::from_fn(|i, _| libm::cos((k * 3 + i) as f64)),
+            })
+            .collect();
+        let z: Vec<f32> = (0..LATENT).map(|i| libm::sinf(i as f32)).collect();
+        let latents = vec![z.as_slice(); 8];
+        let twin = Ngf::new(&config, &tree.limits).unwrap();
+        let got = twin.accelerations(&params, &states, &latents).unwrap().to_vec2::<f32>().unwrap();
+        for (state, got) in states.iter().zip(got) {
+            let wanted = runs.acceleration(state, &z).unwrap();
+            let error = (0..DOF).map(|i| (got[i] as f64 - wanted[i]).abs()).fold(0.0, f64::max);
+            assert!(error < 1e-4 * wanted.norm(), "off by {error} of {}", wanted.norm());
+        }
+    }
+}

@@ -1,0 +1,128 @@
+//! Trainable parameters: named tensors that shards share while each keeps its own gradients.
+
+use anyhow::Result;
+use candle_core::backprop::GradStore;
+use candle_core::{Device, Tensor, Var};
+use half::f16;
+use rand_chacha::ChaCha8Rng;
+use safetensors::tensor::TensorView;
+use safetensors::{Dtype, SafeTensors};
+use std::collections::{BTreeMap, HashMap};
+
+/// Parameters in the order of their names.
+#[derive(Default)]
+pub struct Params {
+    vars: BTreeMap<String, Var>,
+}
+
+impl Params {
+    /// Adds layers `name.0`, `name.1`, ... of the given widths: weights normal with variance
+    /// 1 / inputs, biases zero; the last layer's weights are scaled by `last`.
+    pub fn add_mlp(&mut self, name: &str, widths: &[usize], last: f32, rng: &mut ChaCha8Rng) -> Result<()> {
+        for (layer, pair) in widths.windows(2).enumerate() {
+            let (inputs, outputs) = (pair[0], pair[1]);
+            let is_last = layer + 2 == widths.len();
+            let spread = if is_last { last } else { 1.0 } / (inputs as f32).sqrt();
+            let draw = |_| scene::noise::normal_pair(rng).0 * spread;
+            let weight: Vec<f32> = (0..inputs * outputs).map(draw).collect();
+            self.add(&format!("{name}.{layer}.weight"), &[inputs, outputs], weight)?;
+            self.add(&format!("{name}.{layer}.bias"), &[outputs], vec![0.0; outputs])?;
+        }
+        Ok(())
+    }
+
+    /// Adds a tensor.
+    pub fn add(&mut self, name: &str, shape: &[usize], values: Vec<f32>) -> Result<()> {
+        let tensor = Tensor::from_vec(values, shape, &Device::Cpu)?;
+        self.vars.insert(name.to_owned(), Var::from_tensor(&tensor)?);
+        Ok(())
+    }
+
+    /// A parameter as a tensor.
+    pub fn tensor(&self, name: &str) -> candle_core::Result<&Tensor> {
+        match self.vars.get(name) {
+            Some(var) => Ok(var.as_tensor()),
+            None => candle_core::bail!("no parameter is named {name}"),
+        }
+    }
+
+    /// How many numbers there are.
+    pub fn count(&self) -> usize {
+        self.vars.values().map(|var| var.elem_count()).sum()
+    }
+
+    /// All numbers, one tensor after another.
+    pub fn values(&self) -> Result<Vec<f32>> {
+        let mut values = Vec::with_capacity(self.count());
+        for var in self.vars.values() {
+            values.extend(var.flatten_all()?.to_vec1::<f32>()?);
+        }
+        Ok(values)
+    }
+
+    /// Sets all numbers.
+    pub fn set_values(&self, values: &[f32]) -> Result<()> {
+        let mut rest = values;
+        for var in self.vars.values() {
+            let (head, tail) = rest.split_at(var.elem_count());
+            var.set(&Tensor::from_slice(head, var.shape(), &Device::Cpu)?)?;
+            rest = tail;
+        }
+        Ok(())
+    }
+
+    /// The gradients of all numbers; zero where the loss does not depend on them.
+    pub fn gradients(&self, store: &GradStore) -> Result<Vec<f32>> {
+        let mut gradients = Vec::with_capacity(self.count());
+        for var in self.vars.values() {
+            match store.get(var) {
+                Some(gradient) => gradients.extend(gradient.flatten_all()?.to_vec1::<f32>()?),
+                None => gradients.resize(gradients.len() + var.elem_count(), 0.0),
+            }
+        }
+        Ok(gradients)
+    }
+
+    /// Safetensors in half precision, with further tensors beside the parameters.
+    pub fn export(&self, more: &[(&str, Vec<f32>)]) -> Result<Vec<u8>> {
+        let halves = |values: &[f32]| -> Vec<u8> {
+            values.iter().flat_map(|&x| f16::from_f32(x).to_le_bytes()).collect()
+        };
+        let mut data = BTreeMap::new();
+        for (name, var) in &self.vars {
+            let bytes = halves(&var.flatten_all()?.to_vec1::<f32>()?);
+            data.insert(name.clone(), (Dtype::F16, var.dims().to_vec(), bytes));
+        }
+        for (name, values) in more {
+            let bytes = values.iter().flat_map(|x| x.to_le_bytes()).collect();
+            data.insert((*name).to_owned(), (Dtype::F32, vec![values.len()], bytes));
+        }
+        let views = data
+            .iter()
+            .map(|(name, (dtype, shape, bytes))| {
+                Ok((name.as_str(), TensorView::new(*dtype, shape.clone(), bytes)?))
+            })
+            .collect::<Result<BTreeMap<_, _>>>()?;
+        Ok(safetensors::serialize(views, None::<HashMap<String, String>>)?)
+    }
+
+    /// Sets the parameters from tensors in single precision of the same names.
+    pub fn restore(&self, bytes: &[u8]) -> Result<()> {
+        let tensors = SafeTensors::deserialize(bytes)?;
+        for (name, var) in &self.vars {
+            let values = crate::store::values(&tensors, name)?;
+            var.set(&Tensor::from_vec(values, var.shape(), &Device::Cpu)?)?;
+        }
+        Ok(())
+    }
+
+    /// The parameters in single precision, as [`Params::restore`] reads them.
+    pub fn save(&self) -> Result<Vec<u8>> {
+        let mut rows = Vec::new();
+        for (name, var) in &self.vars {
+            rows.push((name.as_str(), var.dims().to_vec(), var.flatten_all()?.to_vec1::<f32>()?));
+        }
+        let rows: Vec<_> = rows.iter().map(|(n, s, x)| (*n, s.clone(), x.as_slice())).collect();
+        crate::store::encode(&rows, None)
+    }
+}

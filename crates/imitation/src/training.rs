@@ -1,0 +1,154 @@
+//! From dataset to model: encoder, lessons, policy, and the files that are shipped.
+
+use crate::autoencoder::encode_all;
+use crate::dagger::{DaggerConfig, Lesson};
+use crate::dataset::Dataset;
+use crate::expert::Demonstrations;
+use crate::nn::{Params, autoencoder as twin};
+use crate::store;
+use anyhow::{Context, Result};
+use policy::encoder::LATENT;
+use policy::model::ModelConfig;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use robot::{DOF, JointState, Tree, integrator};
+use safetensors::SafeTensors;
+use scene::config::CONTROL_PERIOD;
+use std::path::Path;
+
+/// A trained encoder with the scale of its z.
+pub struct TrainedEncoder {
+    /// Weights of encoder and decoder.
+    pub params: Params,
+    mean: Vec<f32>,
+    scale: Vec<f32>,
+}
+
+/// Start configurations that the model keeps of each object pose.
+const STARTS_PER_POSE: usize = 8;
+
+/// Every tenth object pose is held out.
+pub fn is_held_out(index: usize) -> bool {
+    index % 10 == 9
+}
+
+impl TrainedEncoder {
+    /// Reads what [`crate::autoencoder::train`] wrote.
+    pub fn load(dir: &Path) -> Result<Self> {
+        let read = |file: &str| {
+            std::fs::read(dir.join(file))
+                .with_context(|| format!("{} has no {file}; train the encoder first", dir.display()))
+        };
+        let mut params = Params::default();
+        twin::init(&mut params, &mut ChaCha8Rng::seed_from_u64(0))?;
+        params.restore(&read("encoder.safetensors")?)?;
+        let bytes = read("latent.safetensors")?;
+        let latent = SafeTensors::deserialize(&bytes)?;
+        let (mean, scale) = (store::values(&latent, "mean")?, store::values(&latent, "scale")?);
+        Ok(Self { params, mean, scale })
+    }
+
+    /// Standardised z of clouds.
+    pub fn encode(&self, clouds: &[Vec<f32>]) -> Result<Vec<Vec<f32>>> {
+        let mut latents = encode_all(&self.params, clouds)?;
+        for z in &mut latents {
+            for i in 0..LATENT {
+                z[i] = (z[i] - self.mean[i]) / self.scale[i];
+            }
+        }
+        Ok(latents)
+    }
+}
+
+/// The lessons of a dataset: those to learn from, and those held out.
+pub fn lessons(dataset: &Dataset, encoder: &TrainedEncoder) -> Result<(Vec<Lesson>, Vec<Lesson>)> {
+    let (mut taught, mut held_out) = (Vec::new(), Vec::new());
+    for name in &dataset.config.objects {
+        for index in 0..dataset.config.poses {
+            let Ok(record) = dataset.pose(name, index) else { continue };
+            if record.offsets.len() < 2 {
+                continue;
+            }
+            let latents = encoder.encode(&record.clouds)?;
+            let demonstrations = Demonstrations::new(record.states, record.offsets);
+            let lesson = Lesson { demonstrations, latents };
+            if is_held_out(index) { held_out.push(lesson) } else { taught.push(lesson) }
+        }
+    }
+    Ok((taught, held_out))
+}
+
+/// Writes `weights.safetensors`, `starts.safetensors` and `config.json` to `out`.
+pub fn write_model(
+    out: &Path,
+    encoder: &TrainedEncoder,
+    policy: &Params,
+    config: &DaggerConfig,
+    lessons: &[Lesson],
+) -> Result<()> {
+    let (weights, starts, config) = model_files(encoder, policy, config, lessons)?;
+    store::write(&out.join("weights.safetensors"), &weights)?;
+    store::write(&out.join("starts.safetensors"), &starts)?;
+    store::write(&out.join("config.json"), &config)
+}
+
+/// Bytes of the three files of a model.
+pub fn model_files(
+    encoder: &TrainedEncoder,
+    policy: &Params,
+    config: &DaggerConfig,
+    lessons: &[Lesson],
+) -> Result<(Vec<u8>, Vec<u8>, Vec<u8>)> {
+    let more = [("latent.mean", encoder.mean.clone()), ("latent.scale", encoder.scale.clone())];
+    let weights = merge(&[encoder.params.export(&more)?, policy.export(&[])?])?;
+    let (mut z, mut q) = (Vec::new(), Vec::new());
+    for lesson in lessons {
+        for trajectory in 0..lesson.demonstrations.trajectories().min(STARTS_PER_POSE) {
+            let (first, _) = lesson.demonstrations.span(trajectory);
+            z.extend(&lesson.latents[0]);
+            q.extend(lesson.demonstrations.state(first).q.iter().map(|x| *x as f32));
+        }
+    }
+    let count = q.len() / DOF;
+    let starts = store::encode(
+        &[("starts.z", vec![count, LATENT], &z), ("starts.q", vec![count, DOF], &q)],
+        None,
+    )?;
+    let config = serde_json::to_vec_pretty(&ModelConfig { ngf: config.ngf.clone() })?;
+    Ok((weights, starts, config))
+}
+
+/// One safetensors file out of several.
+fn merge(files: &[Vec<u8>]) -> Result<Vec<u8>> {
+    let parsed = files.iter().map(|bytes| Ok(SafeTensors::deserialize(bytes)?)).collect::<Result<Vec<_>>>()?;
+    let mut views = std::collections::BTreeMap::new();
+    for tensors in &parsed {
+        for name in tensors.names() {
+            views.insert(name.to_owned(), tensors.tensor(name)?);
+        }
+    }
+    Ok(safetensors::serialize(views, None)?)
+}
+
+/// Free roll-outs of the policy from the starts of lessons: distance (m) of the fingertips at the end
+/// from where the demonstration has them, the mean over the four tips, sorted.
+pub fn fingertip_errors(tree: &Tree, ngf: &policy::Ngf, lessons: &[Lesson]) -> Vec<f64> {
+    let mut errors = Vec::new();
+    for lesson in lessons {
+        for trajectory in 0..lesson.demonstrations.trajectories().min(2) {
+            let (first, end) = lesson.demonstrations.span(trajectory);
+            let mut state = JointState::at_rest(lesson.demonstrations.state(first).q);
+            let z = &lesson.latents[lesson.latents.len() - 1];
+            for _ in 0..120 {
+                let Some(qdd) = ngf.acceleration(&state, z) else { break };
+                state = integrator::step(&state, &qdd, CONTROL_PERIOD);
+            }
+            let wanted = lesson.demonstrations.state(end - 1).q;
+            let (got, wanted) = (tree.kinematics(&state.q).tips(), tree.kinematics(&wanted).tips());
+            let mean = got.iter().zip(&wanted).map(|(a, b)| (a - b).norm()).sum::<f64>() / 4.0;
+            errors.push(if mean.is_finite() { mean } else { f64::INFINITY });
+        }
+    }
+    errors.sort_by(f64::total_cmp);
+    errors
+}

@@ -1,1 +1,0 @@
-//! What the robot looks like. Stub until lofts exist.
