@@ -14,9 +14,16 @@ pub(crate) struct ModelFiles {
     pub(crate) config: Vec<u8>,
 }
 
+/// The models that the server has.
+#[derive(Deserialize)]
+struct List {
+    data: Vec<Card>,
+}
+
 /// A model as the server describes it.
 #[derive(Deserialize)]
 struct Card {
+    id: String,
     files: Files,
 }
 
@@ -38,13 +45,11 @@ pub(crate) async fn model(
     id: &str,
     mut progress: impl FnMut(f64, f64),
 ) -> Result<Option<ModelFiles>, Failure> {
-    let response = get(&format!("/api/v1/models/{id}")).await?;
-    if response.status() == 404 {
-        return Ok(None);
-    }
-    let card = read(&response, |_| {}).await?;
-    let card: Card = serde_json::from_slice(&card)
-        .map_err(|error| failed(&format!("its card is not understood: {error}")))?;
+    // The list, because asking for a model that is not there would show as an error in the console.
+    let list = read(&get("/api/v1/models").await?, |_| {}).await?;
+    let list: List = serde_json::from_slice(&list)
+        .map_err(|error| failed(&format!("the list of models is not understood: {error}")))?;
+    let Some(card) = list.data.into_iter().find(|card| card.id == id) else { return Ok(None) };
     let Files { weights: Some(weights), starts: Some(starts), config: Some(config) } = card.files
     else {
         return Err(failed("weights, start configurations or configuration are missing"));
@@ -68,13 +73,13 @@ pub(crate) async fn model(
     Ok(Some(ModelFiles { weights, starts, config }))
 }
 
-/// An answer that is good, or 404.
+/// An answer that is good.
 async fn get(url: &str) -> Result<Response, Failure> {
     let scope: WorkerGlobalScope = js_sys::global().unchecked_into();
     let response = JsFuture::from(scope.fetch_with_str(url)).await.map_err(|e| lost(&e))?;
     let response: Response = response.unchecked_into();
     match response.status() {
-        200 | 404 => Ok(response),
+        200 => Ok(response),
         status => Err(failed(&format!("{url} answered {status}"))),
     }
 }

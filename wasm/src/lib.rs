@@ -19,3 +19,6 @@ use wasm_bindgen::prelude::wasm_bindgen;
 pub fn start() {
     worker::start();
 }
+
+#[cfg(test)]
+wasm_bindgen_test::wasm_bindgen_test_configure!(run_in_dedicated_worker);

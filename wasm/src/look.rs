@@ -46,8 +46,7 @@ enum Axis {
 
 /// Every part of the robot; an error if the profile does not parse.
 pub(crate) fn parts(tree: &Tree) -> Result<Vec<Part>, serde_json::Error> {
-    let profile: Profile =
-        serde_json::from_str(include_str!("../../assets/robot/profile.json"))?;
+    let profile: Profile = serde_json::from_str(include_str!("../../assets/robot/profile.json"))?;
     let mut parts = Vec::new();
     for (index, body) in tree.bodies.iter().enumerate() {
         let cover = profile.links.get(&body.name);
@@ -107,7 +106,14 @@ fn rounded_box(half: &Vector) -> Loft {
         exponent: 12.0,
         center: [0.0; 2],
     };
-    let rows = [(-c, r), (-c + 0.3 * r, 0.3 * r), (-c + r, 0.0), (c - r, 0.0), (c - 0.3 * r, 0.3 * r), (c, r)];
+    let rows = [
+        (-c, r),
+        (-c + 0.3 * r, 0.3 * r),
+        (-c + r, 0.0),
+        (c - r, 0.0),
+        (c - 0.3 * r, 0.3 * r),
+        (c, r),
+    ];
     Loft { sections: rows.map(|(height, inset)| section(height, inset)).to_vec() }
 }
 
@@ -116,7 +122,8 @@ fn capsule(radius: f64, half_length: f64) -> Loft {
     // The poles are left out: their section would have no size.
     let cap = |side: f64| {
         (1..=RINGS).map(move |i| {
-            let (sin, cos) = libm::sincos(f64::from(i) / f64::from(RINGS) * std::f64::consts::FRAC_PI_2);
+            let (sin, cos) =
+                libm::sincos(f64::from(i) / f64::from(RINGS) * std::f64::consts::FRAC_PI_2);
             (side * (half_length + radius * cos), radius * sin)
         })
     };

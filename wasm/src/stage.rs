@@ -133,16 +133,15 @@ impl Stage {
         self.attempt.as_ref().is_some_and(|attempt| attempt.verdict().is_none())
     }
 
-    /// One control period; the verdict once there is one.
-    pub(crate) fn tick(&mut self) -> Option<Verdict> {
+    /// One control period.
+    pub(crate) fn tick(&mut self) {
         if let Some(attempt) = &mut self.attempt {
             attempt.tick(&self.workcell);
         }
-        self.verdict()
     }
 
-    /// Counts and tells how the attempt ended, if it has.
-    pub(crate) fn verdict(&mut self) -> Option<Verdict> {
+    /// How the attempt ended, if it has; asking counts it, so ask once.
+    pub(crate) fn count_verdict(&mut self) -> Option<Verdict> {
         let attempt = self.attempt.as_ref()?;
         let verdict = attempt.verdict()?;
         let tally = self.tallies.entry(self.loaded.label.clone()).or_default();

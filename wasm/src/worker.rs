@@ -8,8 +8,8 @@ use crate::upload::{self, Loaded};
 use serde::Serialize;
 use serde_wasm_bindgen::Serializer;
 use std::cell::RefCell;
-use wasm_bindgen::closure::Closure;
 use wasm_bindgen::JsCast;
+use wasm_bindgen::closure::Closure;
 use web_sys::{DedicatedWorkerGlobalScope, MessageEvent};
 
 /// The model that the page runs.
@@ -89,7 +89,7 @@ fn load_model(files: &fetch::ModelFiles) -> Result<Model, Failure> {
 }
 
 fn without_model(reason: &str) -> Model {
-    let planner = "The planner acts instead, which knows the object; it can lift the sugar box and the bleach.";
+    let planner = "The planner acts, which knows sugar box and bleach.";
     Model { id: None, words: format!("{reason} {planner}") }
 }
 
@@ -177,7 +177,7 @@ impl Worker {
     }
 
     fn tell_verdict(&mut self) {
-        if let Some(verdict) = self.stage.verdict() {
+        if let Some(verdict) = self.stage.count_verdict() {
             self.show();
             post(&FromWorker::Verdict(verdict));
         }
@@ -190,10 +190,8 @@ impl Worker {
         }
         let wake = Closure::once_into_js(|| with_worker(Worker::wake));
         let wait_ms = self.clock.wait_ms() as i32;
-        let timer = scope().set_timeout_with_callback_and_timeout_and_arguments_0(
-            wake.unchecked_ref(),
-            wait_ms,
-        );
+        let timer = scope()
+            .set_timeout_with_callback_and_timeout_and_arguments_0(wake.unchecked_ref(), wait_ms);
         self.is_awaited = timer.is_ok();
     }
 

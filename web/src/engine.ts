@@ -23,10 +23,15 @@ export class Engine {
 
   #start(): Worker {
     const worker = new Worker(new URL("./worker.ts", import.meta.url), { type: "module" });
-    worker.onmessage = (event: MessageEvent<FromWorker>) => this.#receive(event.data);
+    // A panic tells its reason in a message, and then shows as an error too.
+    let hasTold = false;
+    worker.onmessage = ({ data }: MessageEvent<FromWorker>) => {
+      hasTold ||= data.kind === "failure" && data.code.startsWith("engine_");
+      this.#receive(data);
+    };
     worker.onerror = (event) => {
       event.preventDefault();
-      this.#receive(stopped(event.message));
+      if (!hasTold) this.#receive(stopped(event.message));
     };
     return worker;
   }

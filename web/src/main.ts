@@ -25,7 +25,7 @@ const place = (pose: PlanarPose) => send({ kind: "place", pose });
 const failures = new Failures(() => engine.restart());
 const attempt = new AttemptPanel({
   grasp: (seed) => send({ kind: "grasp", seed }),
-  newPose: () => send({ kind: "randomPose" }),
+  pose: (seed) => send({ kind: "randomPose", seed }),
 });
 const playback = new Playback(send);
 const pose = new PosePanel(place);
@@ -77,7 +77,7 @@ function receive(message: FromWorker): void {
       view?.showObject(message);
       objects.select(message.name, message.label);
       report.show(message.report);
-      attempt.enable();
+      attempt.hasObject();
       break;
     case "frame":
       view?.showFrame(message);
@@ -104,10 +104,10 @@ function receive(message: FromWorker): void {
 }
 
 // The first attempt begins by itself, unless motion is unwelcome.
-function showModel({ id, words }: Model): void {
-  element("model", HTMLElement).textContent = words;
+function showModel(model: Model): void {
+  attempt.showModel(model);
   const isWelcome = !matchMedia("(prefers-reduced-motion: reduce)").matches;
-  if (id !== null && isFirstModel && isWelcome) attempt.grasp();
+  if (isFirstModel && isWelcome) attempt.grasp();
   isFirstModel = false;
 }
 
@@ -125,6 +125,9 @@ async function upload(file: File, unit: Unit | null): Promise<void> {
     });
   }
 }
+
+// Nobody watches a hidden page.
+document.addEventListener("visibilitychange", () => playback.suspend(document.hidden));
 
 function look(preset: string): void {
   view?.look(preset as Preset);

@@ -19,7 +19,8 @@ export type ToWorker =
   | { kind: "load"; object: string }
   | { kind: "upload"; fileName: string; bytes: ArrayBuffer; unit: Unit | null }
   | { kind: "place"; pose: PlanarPose }
-  | { kind: "randomPose" }
+  // The pose that an attempt with this seed draws.
+  | { kind: "randomPose"; seed: number }
   | { kind: "grasp"; seed: number }
   | { kind: "pause" }
   | { kind: "resume" }
@@ -33,9 +34,12 @@ export interface Shape {
   indices: Uint32Array;
 }
 
-export interface Link extends Shape {
+// A part of the robot: it moves with the body of this index.
+export interface Link {
+  body: number;
   name: string;
   color: string;
+  shape: Shape;
 }
 
 export interface Box {
@@ -90,7 +94,7 @@ export interface ObjectLoaded {
 
 export interface Frame {
   kind: "frame";
-  // Seven numbers a body: position, quaternion. Links in the order of `ready`, then the object.
+  // Seven numbers a body: position, quaternion; the robot's bodies, then the object.
   poses: Float32Array;
   pose: PlanarPose;
   phase: Phase;
@@ -117,7 +121,7 @@ export interface Progress {
   finished: boolean;
 }
 
-// The learned policy: which one runs, or why there is none.
+// The learned policy: which one acts, or who does instead. Attempts can begin once this is known.
 export interface Model {
   kind: "model";
   id: string | null;

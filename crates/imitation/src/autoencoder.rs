@@ -67,18 +67,19 @@ pub fn train(
     let mut since = Vec::new();
     while adam.steps < config.steps {
         let mut rng = ChaCha8Rng::seed_from_u64(config.seed ^ (adam.steps + 1) << 20);
-        let batch: Vec<&[f32]> =
-            (0..config.batch).map(|_| clouds[rng.random_range(0..clouds.len())].as_slice()).collect();
+        let batch: Vec<&[f32]> = (0..config.batch)
+            .map(|_| clouds[rng.random_range(0..clouds.len())].as_slice())
+            .collect();
         let gradient = sum_over_shards(&batch, config.shards, |part| loss(&params, part, config))?;
         let rate = schedule(adam.steps, 200, config.steps, config.rate);
         adam.step(&mut values, &gradient.values, rate, 1.0);
         params.set_values(&values)?;
         since.push(gradient.loss);
-        if adam.steps % 50 == 0 {
+        if adam.steps.is_multiple_of(50) {
             progress(adam.steps, config.steps, since.iter().sum::<f32>() / since.len() as f32);
             since.clear();
         }
-        if adam.steps % 500 == 0 {
+        if adam.steps.is_multiple_of(500) {
             crate::checkpoint::save(&checkpoint, &params, &adam)?;
         }
     }

@@ -63,7 +63,12 @@ mod tests {
         assert_eq!(params.values().unwrap(), values);
         assert_eq!((again.first, again.second, again.steps), (adam.first, adam.second, 1));
         std::fs::write(&path, b"nonsense").unwrap();
-        assert!(load(&path, &params, &mut AdamW::new(2, 0.0)).unwrap_err().to_string().contains("damaged"));
+        assert!(
+            load(&path, &params, &mut AdamW::new(2, 0.0))
+                .unwrap_err()
+                .to_string()
+                .contains("damaged")
+        );
         std::fs::remove_file(&path).unwrap();
     }
 }

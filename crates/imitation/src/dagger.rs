@@ -2,9 +2,9 @@
 //! (Eq. 2, paper §II-B).
 
 use crate::expert::{self, Demonstrations, Gains};
+use crate::nn::Params;
 use crate::nn::adam::{AdamW, schedule};
 use crate::nn::ngf::{self, Ngf};
-use crate::nn::Params;
 use crate::shards::{Gradient, sum_over_shards};
 use anyhow::{Result, bail};
 use candle_core::{Device, Tensor};
@@ -110,8 +110,10 @@ pub fn train(
     let mut values = params.values()?;
     let mut since = Vec::new();
     while adam.steps < config.steps {
-        let batch: Vec<(Visit, std::sync::Mutex<JointVector>)> =
-            visits.iter().map(|visit| (*visit, std::sync::Mutex::new(JointVector::zeros()))).collect();
+        let batch: Vec<(Visit, std::sync::Mutex<JointVector>)> = visits
+            .iter()
+            .map(|visit| (*visit, std::sync::Mutex::new(JointVector::zeros())))
+            .collect();
         let gradient = sum_over_shards(&batch, config.shards, |part| {
             loss(&network, &params, lessons, config, part)
         })?;
@@ -126,10 +128,10 @@ pub fn train(
             }
         }
         since.push(gradient.loss);
-        if adam.steps % 1000 == 0 {
+        if adam.steps.is_multiple_of(1000) {
             crate::checkpoint::save(&checkpoint, &params, &adam)?;
         }
-        if adam.steps % 50 == 0 {
+        if adam.steps.is_multiple_of(50) {
             let mean = since.iter().sum::<f32>() / since.len() as f32;
             since.clear();
             if !progress(adam.steps, config.steps, mean, &params)? {
@@ -142,7 +144,12 @@ pub fn train(
 }
 
 /// A noisy state of a random demonstration, on its way along the nearest one.
-fn draw(lessons: &[Lesson], taught: &[usize], config: &DaggerConfig, rng: &mut ChaCha8Rng) -> Visit {
+fn draw(
+    lessons: &[Lesson],
+    taught: &[usize],
+    config: &DaggerConfig,
+    rng: &mut ChaCha8Rng,
+) -> Visit {
     let lesson = taught[rng.random_range(0..taught.len())];
     let Lesson { demonstrations, latents } = &lessons[lesson];
     let (first, end) = demonstrations.span(rng.random_range(0..demonstrations.trajectories()));
@@ -156,7 +163,14 @@ fn draw(lessons: &[Lesson], taught: &[usize], config: &DaggerConfig, rng: &mut C
     // target. Heading so many rows further makes a drawn state and one under way agree on what to do.
     let ahead = config.gains.lag_rows(CONTROL_PERIOD).max(1);
     let latent = rng.random_range(0..latents.len());
-    Visit { lesson, latent, state, target: (nearest + ahead).min(end - 1), end, left: config.horizon }
+    Visit {
+        lesson,
+        latent,
+        state,
+        target: (nearest + ahead).min(end - 1),
+        end,
+        left: config.horizon,
+    }
 }
 
 fn advance(visit: &mut Visit, qdd: &JointVector) {

@@ -45,21 +45,23 @@ pub struct Report {
     pub rows: Vec<Row>,
 }
 
-/// Runs attempts with the seeds `seed`, `seed + 1`, ... on all threads; none is left out.
+/// Runs one attempt for each seed on all threads; none is left out. Each draws the object's pose, unless
+/// one is given for all.
 pub fn evaluate(
     workcell: &Workcell,
     object: &Object,
     name: &str,
     controller: &Controller,
-    attempts: usize,
-    seed: u64,
+    pose: Option<[f32; 3]>,
+    seeds: std::ops::Range<u64>,
     progress: &(dyn Fn(bool) + Sync),
 ) -> Result<Report> {
-    let rows = (seed..seed + attempts as u64)
+    let (seed, attempts) = (seeds.start, seeds.clone().count());
+    let rows = seeds
         .into_par_iter()
         .map(|seed| {
             let mut attempt =
-                Attempt::begin(workcell, object, name, None, seed, controller.clone())?;
+                Attempt::begin(workcell, object, name, pose, seed, controller.clone())?;
             let verdict = attempt.run(workcell);
             progress(verdict.is_lifted());
             Ok(Row { seed, pose: attempt.pose(), verdict, state_hash: attempt.state_hash() })

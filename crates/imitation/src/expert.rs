@@ -69,8 +69,8 @@ impl Demonstrations {
             let square = |a: &[f32], b: &[f32]| -> f32 {
                 a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum()
             };
-            let distance =
-                square(&row[..DOF], &key[..DOF]) + VELOCITY_WEIGHT * square(&row[DOF..], &key[DOF..]);
+            let distance = square(&row[..DOF], &key[..DOF])
+                + VELOCITY_WEIGHT * square(&row[DOF..], &key[DOF..]);
             if distance < best.1 {
                 best = (i, distance);
             }

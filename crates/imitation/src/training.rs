@@ -36,8 +36,9 @@ impl TrainedEncoder {
     /// Reads what [`crate::autoencoder::train`] wrote.
     pub fn load(dir: &Path) -> Result<Self> {
         let read = |file: &str| {
-            std::fs::read(dir.join(file))
-                .with_context(|| format!("{} has no {file}; train the encoder first", dir.display()))
+            std::fs::read(dir.join(file)).with_context(|| {
+                format!("{} has no {file}; train the encoder first", dir.display())
+            })
         };
         let mut params = Params::default();
         twin::init(&mut params, &mut ChaCha8Rng::seed_from_u64(0))?;
@@ -52,8 +53,8 @@ impl TrainedEncoder {
     pub fn encode(&self, clouds: &[Vec<f32>]) -> Result<Vec<Vec<f32>>> {
         let mut latents = encode_all(&self.params, clouds)?;
         for z in &mut latents {
-            for i in 0..LATENT {
-                z[i] = (z[i] - self.mean[i]) / self.scale[i];
+            for ((z, mean), scale) in z.iter_mut().zip(&self.mean).zip(&self.scale) {
+                *z = (*z - mean) / scale;
             }
         }
         Ok(latents)
@@ -120,7 +121,10 @@ pub fn model_files(
 
 /// One safetensors file out of several.
 fn merge(files: &[Vec<u8>]) -> Result<Vec<u8>> {
-    let parsed = files.iter().map(|bytes| Ok(SafeTensors::deserialize(bytes)?)).collect::<Result<Vec<_>>>()?;
+    let parsed = files
+        .iter()
+        .map(|bytes| Ok(SafeTensors::deserialize(bytes)?))
+        .collect::<Result<Vec<_>>>()?;
     let mut views = std::collections::BTreeMap::new();
     for tensors in &parsed {
         for name in tensors.names() {

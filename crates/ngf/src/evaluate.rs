@@ -1,7 +1,7 @@
 //! `ngf evaluate`: attempts by the protocol, with controls, as a table and as JSON.
 
 use crate::objects::ObjectOptions;
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 use imitation::evaluation::{self, Report};
 use imitation::store;
 use indicatif::ProgressBar;
@@ -22,6 +22,9 @@ pub(crate) struct Options {
     /// Seed of the first attempt.
     #[arg(long, default_value_t = 0)]
     seed: u64,
+    /// Pose of the object for all attempts instead of a drawn one: x, y (m) and yaw (rad).
+    #[arg(long, value_name = "X,Y,YAW", value_delimiter = ',', allow_hyphen_values = true)]
+    pose: Option<Vec<f32>>,
     /// Where to write the report.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -50,13 +53,18 @@ pub(crate) fn run(options: &Options) -> Result<()> {
         }
         runs.push((runs[0].0.clone(), slippery, "friction 0"));
     }
+    let pose = match options.pose.as_deref() {
+        Some(&[x, y, yaw]) => Some([x, y, yaw]),
+        Some(other) => bail!("--pose takes x,y,yaw, found {} numbers", other.len()),
+        None => None,
+    };
     let mut reports = Vec::new();
     for (controller, object, label) in runs {
         let bar = ProgressBar::new(options.attempts as u64);
-        let (attempts, seed) = (options.attempts, options.seed);
+        let seeds = options.seed..options.seed + options.attempts as u64;
         let advance = |_| bar.inc(1);
         let mut report =
-            evaluation::evaluate(&workcell, &object, &name, &controller, attempts, seed, &advance)?;
+            evaluation::evaluate(&workcell, &object, &name, &controller, pose, seeds, &advance)?;
         bar.finish_and_clear();
         report.policy = label.to_owned();
         print(&report);

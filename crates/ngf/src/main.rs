@@ -1,5 +1,6 @@
 //! The command line of ngf-grasp.
 
+mod bench;
 mod dataset;
 mod evaluate;
 mod objects;
@@ -30,6 +31,8 @@ enum Command {
     Train(train::Options),
     /// Run attempts by the protocol and count them.
     Evaluate(evaluate::Options),
+    /// Measure what runs in an attempt.
+    Bench(bench::Options),
     /// Replay a recorded episode and print its verdict and final state hash.
     Replay(replay::Options),
 }
@@ -41,6 +44,7 @@ fn main() -> std::process::ExitCode {
         Command::Dataset(options) => dataset::run(&options),
         Command::Train(options) => train::run(&options),
         Command::Evaluate(options) => evaluate::run(&options),
+        Command::Bench(options) => bench::run(&options),
         Command::Replay(options) => replay::run(&options),
     };
     match result {

@@ -4,8 +4,8 @@ use anyhow::{Context, Result, bail};
 use imitation::autoencoder::{self, AutoencoderConfig};
 use imitation::dagger::{self, DaggerConfig};
 use imitation::dataset::Dataset;
-use imitation::training::{self, TrainedEncoder};
 use imitation::store;
+use imitation::training::{self, TrainedEncoder};
 use robot::Tree;
 use std::path::PathBuf;
 use std::process::Command;
@@ -72,7 +72,8 @@ pub(crate) fn run(options: &Options) -> Result<()> {
 }
 
 fn encoder(run: &Run) -> Result<()> {
-    let mut config = AutoencoderConfig { shards: run.threads, seed: run.seed, ..AutoencoderConfig::standard() };
+    let mut config =
+        AutoencoderConfig { shards: run.threads, seed: run.seed, ..AutoencoderConfig::standard() };
     config.steps = run.steps.unwrap_or(config.steps);
     config.batch = run.batch.unwrap_or(config.batch);
     let began = Instant::now();
@@ -83,7 +84,8 @@ fn encoder(run: &Run) -> Result<()> {
 }
 
 fn policy(run: &Run) -> Result<()> {
-    let mut config = DaggerConfig { shards: run.threads, seed: run.seed, ..DaggerConfig::standard() };
+    let mut config =
+        DaggerConfig { shards: run.threads, seed: run.seed, ..DaggerConfig::standard() };
     config.steps = run.steps.unwrap_or(config.steps);
     config.batch = run.batch.unwrap_or(config.batch);
     let tree = Tree::iiwa7_allegro()?;
@@ -96,30 +98,36 @@ fn policy(run: &Run) -> Result<()> {
 
     let began = Instant::now();
     let mut first = None;
-    let params = dagger::train(&taught, &tree.limits, &config, &run.out, &mut |step, steps, loss, params| {
-        let first = *first.get_or_insert(step);
-        let rate = (step - first) as f64 / began.elapsed().as_secs_f64();
-        println!("policy {step}/{steps}  loss {loss:.3} rad/s²  {rate:.2} steps/s");
-        if step % 1000 == 0 {
-            let (weights, _, _) = training::model_files(&encoder, params, &config, &[])?;
-            let tensors = ::policy::weights::Tensors::parse(&weights)?;
-            let ngf = ::policy::Ngf::load(&tensors, &config.ngf, &tree.limits)?;
-            for (label, lessons) in [("taught", &taught), ("held out", &held_out)] {
-                let shown = &lessons[..lessons.len().min(20)];
-                let errors = training::fingertip_errors(&tree, &ngf, shown);
-                if let (Some(median), Some(p90)) =
-                    (errors.get(errors.len() / 2), errors.get(errors.len() * 9 / 10))
-                {
-                    println!(
-                        "  {label}: fingertips off by {:.1} mm (median), {:.1} mm (p90)",
-                        1e3 * median,
-                        1e3 * p90
-                    );
+    let params = dagger::train(
+        &taught,
+        &tree.limits,
+        &config,
+        &run.out,
+        &mut |step, steps, loss, params| {
+            let first = *first.get_or_insert(step);
+            let rate = (step - first) as f64 / began.elapsed().as_secs_f64();
+            println!("policy {step}/{steps}  loss {loss:.3} rad/s²  {rate:.2} steps/s");
+            if step % 1000 == 0 {
+                let (weights, _, _) = training::model_files(&encoder, params, &config, &[])?;
+                let tensors = ::policy::weights::Tensors::parse(&weights)?;
+                let ngf = ::policy::Ngf::load(&tensors, &config.ngf, &tree.limits)?;
+                for (label, lessons) in [("taught", &taught), ("held out", &held_out)] {
+                    let shown = &lessons[..lessons.len().min(20)];
+                    let errors = training::fingertip_errors(&tree, &ngf, shown);
+                    if let (Some(median), Some(p90)) =
+                        (errors.get(errors.len() / 2), errors.get(errors.len() * 9 / 10))
+                    {
+                        println!(
+                            "  {label}: fingertips off by {:.1} mm (median), {:.1} mm (p90)",
+                            1e3 * median,
+                            1e3 * p90
+                        );
+                    }
                 }
+                training::write_model(&run.out, &encoder, params, &config, &taught)?;
             }
-            training::write_model(&run.out, &encoder, params, &config, &taught)?;
-        }
-        Ok(true)
-    })?;
+            Ok(true)
+        },
+    )?;
     training::write_model(&run.out, &encoder, &params, &config, &taught)
 }

@@ -167,6 +167,7 @@ impl Ngf {
     /// The potential ψ(q, z).
     pub fn potential(&self, state: &JointState, z: &[f32]) -> f32 {
         let (fourier, mlp) = &self.networks[3];
-        POTENTIAL_SCALE * mlp.apply(&fourier.features(&inputs(&PARTS[3], &self.limits, state, z)))[0]
+        POTENTIAL_SCALE
+            * mlp.apply(&fourier.features(&inputs(&PARTS[3], &self.limits, state, z)))[0]
     }
 }

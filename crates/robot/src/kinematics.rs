@@ -148,6 +148,7 @@ impl BodyMotion {
 mod tests {
     use super::*;
     use crate::join;
+    use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 
     fn sample(seed: u64) -> JointVector {
         JointVector::from_fn(|i, _| libm::sin(1.7 * i as f64 + 0.9 * seed as f64))
@@ -164,7 +165,10 @@ mod tests {
         ];
         let arms = [
             ([-0.85, -0.5, 0.76, 1.25, -1.76, 0.9, 0.64], [-0.7186, 0.014, 0.6829]),
-            ([0.0, 0.0, 0.7854, 1.5708, -1.5708, -1.5708, 0.0], [-0.4689, -0.0877, 0.7336]),
+            (
+                [0.0, 0.0, FRAC_PI_4, FRAC_PI_2, -FRAC_PI_2, -FRAC_PI_2, 0.0],
+                [-0.4689, -0.0877, 0.7336],
+            ),
             ([-1.571, 1.571, 0.0, 1.376, 0.0, 1.485, 2.358], [-0.0001, -0.7444, 0.6939]),
         ];
         for (arm, palm) in arms {

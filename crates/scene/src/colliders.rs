@@ -33,7 +33,7 @@ pub(crate) fn of_body(tree: &Tree, body: usize, friction: f32) -> Vec<ColliderBu
 /// The table's collider.
 pub(crate) fn of_table(config: &SceneConfig) -> ColliderBuilder {
     let half = vec3(config.table.half);
-    let others = u32::MAX & !TABLE;
+    let others = !TABLE;
     plain(ColliderBuilder::cuboid(half.x, half.y, half.z))
         .friction(config.table.friction)
         .collision_groups(groups(TABLE, others))
@@ -50,7 +50,7 @@ pub(crate) fn of_object(object: &Object) -> Result<Vec<ColliderBuilder>, SceneEr
             let hull = Solid::hull(points).ok_or_else(flat)?;
             Ok(plain(ColliderBuilder::new(hull.shape))
                 .friction(object.friction)
-                .collision_groups(groups(OBJECT, u32::MAX & !OBJECT)))
+                .collision_groups(groups(OBJECT, !OBJECT)))
         })
         .collect()
 }

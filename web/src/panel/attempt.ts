@@ -1,19 +1,18 @@
 // The attempt: its buttons, its phases, what it came to, and how attempts came out so far.
 
 import { element } from "../dom";
-import type { Frame, Phase, Tally, Verdict } from "../protocol";
+import type { Frame, Model, Phase, Tally, Verdict } from "../protocol";
 
-const WORDS: Record<Exclude<Phase, "verdict">, string> = {
+const WORDS: Record<Exclude<Phase, "verdict" | "policy">, string> = {
   idle: "Drag the object, or press Grasp.",
   approach: "Moving to the start over the object",
-  policy: "The policy closes the hand",
   lift: "Lifting",
   hold: "Holding for two seconds",
 };
 
 export interface AttemptEvents {
   grasp(seed: number): void;
-  newPose(): void;
+  pose(seed: number): void;
 }
 
 export class AttemptPanel {
@@ -27,16 +26,37 @@ export class AttemptPanel {
   readonly #hash = element("hash", HTMLElement);
   #verdict: Verdict | null = null;
   #phase: Phase | null = null;
+  // The seed that the pose on the table was drawn from.
+  #poseSeed = 0;
+  #hasObject = false;
+  // Who closes the hand, once that is known.
+  #actor: "policy" | "planner" | null = null;
 
   constructor(events: AttemptEvents) {
     this.#events = events;
     this.#grasp.addEventListener("click", () => this.grasp());
     this.#newPose.addEventListener("click", () => this.newPose());
+    this.#seed.addEventListener("change", () => this.#drawPose());
   }
 
-  // Nothing to press until there is an object.
-  enable(): void {
-    this.#grasp.disabled = this.#newPose.disabled = false;
+  // There is an object to grasp.
+  hasObject(): void {
+    this.#hasObject = true;
+    this.#enable();
+  }
+
+  // It is known who acts.
+  showModel({ id, words }: Model): void {
+    this.#actor = id === null ? "planner" : "policy";
+    element("model", HTMLElement).textContent = words;
+    const phase = this.#phases.querySelector("[data-phase=policy]");
+    if (phase) phase.textContent = id === null ? "Planner" : "Policy";
+    this.#enable();
+  }
+
+  #enable(): void {
+    this.#newPose.disabled = !this.#hasObject;
+    this.#grasp.disabled = !(this.#hasObject && this.#actor);
   }
 
   grasp(): void {
@@ -44,7 +64,14 @@ export class AttemptPanel {
   }
 
   newPose(): void {
-    if (!this.#newPose.disabled) this.#events.newPose();
+    if (this.#newPose.disabled) return;
+    if (this.#seedValue() === this.#poseSeed) this.#seed.value = String(this.#poseSeed + 1);
+    this.#drawPose();
+  }
+
+  #drawPose(): void {
+    this.#poseSeed = this.#seedValue();
+    this.#events.pose(this.#poseSeed);
   }
 
   showFrame({ phase }: Frame): void {
@@ -52,7 +79,7 @@ export class AttemptPanel {
     this.#phase = phase;
     if (phase !== "verdict") {
       this.#verdict = null;
-      this.#headline.textContent = WORDS[phase];
+      this.#headline.textContent = phase === "policy" ? `The ${this.#actor} closes the hand` : WORDS[phase];
     }
     this.#showPhases();
   }

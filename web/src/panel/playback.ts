@@ -14,6 +14,7 @@ export class Playback {
   readonly #speed = element("speed", HTMLSelectElement);
   readonly #rate = element("rate", HTMLElement);
   #isRunning = true;
+  #isSuspended = false;
 
   constructor(send: (message: ToWorker) => void) {
     this.#send = send;
@@ -29,6 +30,13 @@ export class Playback {
 
   toggle(): void {
     this.#send({ kind: this.#isRunning ? "pause" : "resume" });
+  }
+
+  // Pauses for as long as the page is hidden, unless it was paused anyway.
+  suspend(on: boolean): void {
+    if (on === this.#isSuspended || (on && !this.#isRunning)) return;
+    this.#isSuspended = on;
+    this.#send({ kind: on ? "pause" : "resume" });
   }
 
   step(): void {

@@ -14,9 +14,15 @@ import type { Link, ObjectLoaded } from "../protocol";
 import type { Colors } from "./colors";
 import { geometryOf } from "./shape";
 
-export function linkMesh(link: Link): Mesh {
-  const material = new MeshStandardMaterial({ color: link.color, roughness: 0.48, metalness: 0.05 });
-  return shadowed(new Mesh(geometryOf(link), material));
+// The robot: a group per body, in the order of their poses.
+export function robotBodies(links: readonly Link[]): Group[] {
+  const bodies: Group[] = [];
+  for (const { body, color, shape } of links) {
+    const material = new MeshStandardMaterial({ color, roughness: 0.48, metalness: 0.05 });
+    (bodies[body] ??= new Group()).add(shadowed(new Mesh(geometryOf(shape), material)));
+  }
+  // A body that nothing is drawn of still has a pose.
+  return Array.from(bodies, (body) => body ?? new Group());
 }
 
 // The object is drawn in the accent colour: it is what everything here is about.

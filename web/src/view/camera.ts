@@ -2,15 +2,21 @@
 
 import { MathUtils, PerspectiveCamera, Vector3 } from "three";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
-import type { DepthCamera } from "../protocol";
+import type { Box, DepthCamera } from "../protocol";
 
 export type Preset = "home" | "front" | "side" | "top" | "sensor";
 
-const PRESETS: Record<Exclude<Preset, "sensor">, { from: Vector3; at: Vector3 }> = {
-  home: { from: new Vector3(2.3, -1.75, 1.3), at: new Vector3(0.42, 0, 0.29) },
-  front: { from: new Vector3(2.9, 0, 0.6), at: new Vector3(0.4, 0, 0.36) },
-  side: { from: new Vector3(0.42, -2.6, 0.6), at: new Vector3(0.42, 0, 0.36) },
-  top: { from: new Vector3(0.45, -0.001, 2.7), at: new Vector3(0.45, 0, 0) },
+interface Stand {
+  from: Vector3;
+  at: Vector3;
+}
+
+// Where to stand, and where to look: both measured from the middle of the table's top.
+const PRESETS: Record<Exclude<Preset, "sensor">, { from: number[]; at: number[] }> = {
+  home: { from: [1.85, -1.95, 1.45], at: [-0.2, 0, 0.36] },
+  front: { from: [2.7, 0, 0.7], at: [-0.2, 0, 0.38] },
+  side: { from: [-0.2, -2.9, 0.7], at: [-0.2, 0, 0.38] },
+  top: { from: [-0.15, -0.001, 2.9], at: [-0.15, 0, 0] },
 };
 const FLIGHT_MS = 500;
 // The presets are framed for this angle (degrees) and shape; a narrower window widens the angle.
@@ -22,8 +28,8 @@ const isCalm = matchMedia("(prefers-reduced-motion: reduce)");
 export class Viewpoint {
   readonly camera = new PerspectiveCamera(FIELD_OF_VIEW, 1, 0.02, 30);
   readonly controls: OrbitControls;
-  #sensor: DepthCamera | null = null;
-  #flight: { from: Vector3; at: Vector3; toFrom: Vector3; toAt: Vector3; begin: number } | null = null;
+  #scene: { table: Box; camera: DepthCamera } | null = null;
+  #flight: { begin: number; start: Stand; end: Stand } | null = null;
 
   constructor(canvas: HTMLCanvasElement, changed: () => void) {
     this.camera.up.set(0, 0, 1);
@@ -41,8 +47,8 @@ export class Viewpoint {
     });
   }
 
-  set sensor(sensor: DepthCamera) {
-    this.#sensor = sensor;
+  set scene(scene: { table: Box; camera: DepthCamera }) {
+    this.#scene = scene;
   }
 
   // What is framed is centred in the part of the window that nothing covers from below.
@@ -56,32 +62,31 @@ export class Viewpoint {
   }
 
   goTo(preset: Preset, now: number, atOnce = isCalm.matches): void {
-    const { from, at } = this.#find(preset);
-    if (atOnce) {
-      this.camera.position.copy(from);
-      this.controls.target.copy(at);
-      return;
-    }
-    const { position } = this.camera;
-    this.#flight = { from: position.clone(), at: this.controls.target.clone(), toFrom: from, toAt: at, begin: now };
+    const end = this.#find(preset);
+    const start = { from: this.camera.position.clone(), at: this.controls.target.clone() };
+    this.#flight = { begin: atOnce ? -Infinity : now, start, end };
   }
 
   // True while it is still moving.
   update(now: number): boolean {
-    const flight = this.#flight;
-    if (flight) {
-      const share = Math.min(1, (now - flight.begin) / FLIGHT_MS);
+    if (this.#flight) {
+      const { begin, start, end } = this.#flight;
+      const share = Math.min(1, (now - begin) / FLIGHT_MS);
       const eased = share * share * (3 - 2 * share);
-      this.camera.position.lerpVectors(flight.from, flight.toFrom, eased);
-      this.controls.target.lerpVectors(flight.at, flight.toAt, eased);
+      this.camera.position.lerpVectors(start.from, end.from, eased);
+      this.controls.target.lerpVectors(start.at, end.at, eased);
       if (share === 1) this.#flight = null;
     }
     return this.controls.update() || this.#flight !== null;
   }
 
-  #find(preset: Preset): { from: Vector3; at: Vector3 } {
-    if (preset !== "sensor") return PRESETS[preset];
-    if (!this.#sensor) return PRESETS.home;
-    return { from: new Vector3(...this.#sensor.position), at: new Vector3(...this.#sensor.target) };
+  #find(preset: Preset): Stand {
+    if (!this.#scene) return { from: new Vector3(2, -2, 1.5), at: new Vector3() };
+    const { table, camera } = this.#scene;
+    if (preset === "sensor") return { from: new Vector3(...camera.position), at: new Vector3(...camera.target) };
+    const top = new Vector3(...table.center);
+    top.z += table.half[2];
+    const { from, at } = PRESETS[preset];
+    return { from: new Vector3(...from).add(top), at: new Vector3(...at).add(top) };
   }
 }

@@ -23,7 +23,7 @@ const ROUNDING = 0.012;
 
 export class Studio {
   readonly group = new Group();
-  readonly #table = new MeshStandardMaterial({ roughness: 0.85 });
+  readonly #table = new MeshStandardMaterial({ roughness: 1 });
   readonly #plinth = new MeshStandardMaterial({ roughness: 0.9 });
   readonly #outline = new LineBasicMaterial({ transparent: true });
   readonly #shadow = new ShadowMaterial();
@@ -45,8 +45,8 @@ export class Studio {
     this.#outline.color = colors.line;
     this.#sky.color = colors.sky;
     this.#sky.groundColor = colors.plinth;
-    this.#sky.intensity = 1.35 * colors.light;
-    this.#key.intensity = 1.9 * colors.light;
+    this.#sky.intensity = 1.3 * colors.light;
+    this.#key.intensity = 1.75 * colors.light;
     this.#rim.intensity = 0.45 * colors.light;
     this.#shadow.opacity = colors.shadow;
   }
@@ -64,12 +64,12 @@ export class Studio {
     return mesh;
   }
 
-  // The robot stands at the origin, level with the table's top.
+  // The robot stands at the origin, the table beside it, both on one floor.
   #foot({ center, half }: Box): Mesh {
-    const top = center[2] + half[2];
-    const height = 2 * half[2];
-    const mesh = new Mesh(new CylinderGeometry(0.135, 0.15, height, 64).rotateX(Math.PI / 2), this.#plinth);
-    mesh.position.z = top - height / 2;
+    const height = half[2] - center[2];
+    const shape = new CylinderGeometry(0.125, 0.14, height, 64).rotateX(Math.PI / 2);
+    const mesh = new Mesh(shape, this.#plinth);
+    mesh.position.z = -height / 2;
     mesh.castShadow = mesh.receiveShadow = true;
     return mesh;
   }
@@ -93,9 +93,10 @@ export class Studio {
 }
 
 function keyLight({ center }: Box): DirectionalLight {
-  const light = new DirectionalLight(0xfffaf4);
-  light.position.set(center[0] - 0.45, center[1] - 1.35, 2.3);
-  light.target.position.set(center[0] - 0.2, center[1], 0.15);
+  const light = new DirectionalLight();
+  const [x, y, z] = center;
+  light.position.set(x - 0.45, y - 1.35, z + 2.5);
+  light.target.position.set(x - 0.2, y, z + 0.25);
   light.target.updateMatrixWorld();
   light.castShadow = true;
   light.shadow.mapSize.set(2048, 2048);

@@ -1,8 +1,8 @@
 // The picture: a renderer that draws when something has changed, and rests otherwise.
 
-import { type Mesh, PCFShadowMap, Scene, WebGLRenderer } from "three";
+import { type Group, PCFShadowMap, Scene, WebGLRenderer } from "three";
 import type { Frame, ObjectLoaded, PlanarPose, Ready } from "../protocol";
-import { linkMesh, Thing } from "./bodies";
+import { robotBodies, Thing } from "./bodies";
 import { type Preset, Viewpoint } from "./camera";
 import { Cloud, Sensor } from "./cloud";
 import { type Colors, onColorsChange, readColors } from "./colors";
@@ -29,7 +29,7 @@ export class View {
   readonly #motion = new Motion();
   #studio: Studio | null = null;
   #sensor: Sensor | null = null;
-  #links: Mesh[] = [];
+  #robot: Group[] = [];
   #frame: Frame | null = null;
   #showsSensor = false;
   #isAwake = false;
@@ -57,22 +57,24 @@ export class View {
     });
     onColorsChange(() => this.#paint());
     this.#resize();
-    this.#viewpoint.goTo("home", 0, true);
     this.#paint();
   }
 
   show(ready: Ready): void {
-    this.#scene.remove(...this.#links);
+    this.#scene.remove(...this.#robot);
     if (this.#studio) this.#scene.remove(this.#studio.group);
     if (this.#sensor) this.#scene.remove(this.#sensor.group);
     const isFirst = this.#studio === null;
 
-    this.#links = ready.links.map(linkMesh);
+    this.#robot = robotBodies(ready.links);
     this.#studio = new Studio(ready.table, ready.workspace);
     this.#sensor = new Sensor(ready.camera);
-    this.#viewpoint.sensor = ready.camera;
-    this.#scene.add(...this.#links, this.#studio.group, this.#sensor.group);
-    if (isFirst) this.#makeDraggable(ready);
+    this.#viewpoint.scene = ready;
+    this.#scene.add(...this.#robot, this.#studio.group, this.#sensor.group);
+    if (isFirst) {
+      this.#makeDraggable(ready);
+      this.#viewpoint.goTo("home", 0, true);
+    }
     this.#paint();
   }
 
@@ -154,11 +156,11 @@ export class View {
 
   #draw(now: number): void {
     this.#isAwake = false;
-    const isMoving = this.#motion.apply([...this.#links, this.#thing.group], now);
+    const isMoving = this.#motion.apply([...this.#robot, this.#thing.group], now);
     const isTurning = this.#viewpoint.update(now);
     this.#sensor?.show(this.#showsSensor, this.#viewpoint.camera.position);
     this.#renderer.render(this.#scene, this.#viewpoint.camera);
-    this.#canvas.dataset["drawn"] = String(this.#links.length);
+    this.#canvas.dataset["drawn"] = String(this.#robot.length);
     if (isMoving || isTurning) this.#wake();
   }
 }

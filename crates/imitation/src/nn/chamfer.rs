@@ -22,7 +22,8 @@ impl CustomOp2 for Chamfer {
     ) -> Result<(CpuStorage, Shape)> {
         let (made, wanted) = (contiguous(s1, l1)?, contiguous(s2, l2)?);
         let batch = l1.dims()[0];
-        let pairs = made.chunks_exact(made.len() / batch).zip(wanted.chunks_exact(wanted.len() / batch));
+        let pairs =
+            made.chunks_exact(made.len() / batch).zip(wanted.chunks_exact(wanted.len() / batch));
         let distances: Vec<f32> = pairs
             .map(|(a, b)| {
                 let mean = |from: &[f32], to: &[f32]| {

@@ -53,7 +53,12 @@ impl Ngf {
     }
 
     /// Accelerations, shape (B, DOF), for states and latents of a batch.
-    pub fn accelerations(&self, params: &Params, states: &[JointState], z: &[&[f32]]) -> Result<Tensor> {
+    pub fn accelerations(
+        &self,
+        params: &Params,
+        states: &[JointState],
+        z: &[&[f32]],
+    ) -> Result<Tensor> {
         let packed = [
             self.apply(params, 0, states, z)?,
             self.apply(params, 2, states, z)?,
@@ -67,13 +72,24 @@ impl Ngf {
         Ok(packed.apply_op2(&qd, Head)?)
     }
 
-    fn apply(&self, params: &Params, part: usize, states: &[JointState], z: &[&[f32]]) -> Result<Tensor> {
+    fn apply(
+        &self,
+        params: &Params,
+        part: usize,
+        states: &[JointState],
+        z: &[&[f32]],
+    ) -> Result<Tensor> {
         let (cos, sin) = self.features(part, states, z)?;
         Ok(mlp(&Tensor::cat(&[cos, sin], 1)?, params, PARTS[part].name, LAYERS)?)
     }
 
     /// Cosines and sines, each (B, FREQUENCIES); constants of the graph.
-    fn features(&self, part: usize, states: &[JointState], z: &[&[f32]]) -> Result<(Tensor, Tensor)> {
+    fn features(
+        &self,
+        part: usize,
+        states: &[JointState],
+        z: &[&[f32]],
+    ) -> Result<(Tensor, Tensor)> {
         let (fourier, frequencies) = &self.fourier[part];
         let x: Vec<f32> = states
             .iter()
@@ -135,12 +151,8 @@ mod tests {
         let bytes = params.export(&[]).unwrap();
         let tensors = policy::weights::Tensors::parse(&bytes).unwrap();
         let runs = policy::Ngf::load(&tensors, &config, &tree.limits).unwrap();
-        let halves: Vec<f32> = params
-            .values()
-            .unwrap()
-            .iter()
-            .map(|&x| half::f16::from_f32(x).to_f32())
-            .collect();
+        let halves: Vec<f32> =
+            params.values().unwrap().iter().map(|&x| half::f16::from_f32(x).to_f32()).collect();
         params.set_values(&halves).unwrap();
 
         let states: Vec<JointState> = (0..8)

@@ -18,7 +18,13 @@ pub struct Params {
 impl Params {
     /// Adds layers `name.0`, `name.1`, ... of the given widths: weights normal with variance
     /// 1 / inputs, biases zero; the last layer's weights are scaled by `last`.
-    pub fn add_mlp(&mut self, name: &str, widths: &[usize], last: f32, rng: &mut ChaCha8Rng) -> Result<()> {
+    pub fn add_mlp(
+        &mut self,
+        name: &str,
+        widths: &[usize],
+        last: f32,
+        rng: &mut ChaCha8Rng,
+    ) -> Result<()> {
         for (layer, pair) in widths.windows(2).enumerate() {
             let (inputs, outputs) = (pair[0], pair[1]);
             let is_last = layer + 2 == widths.len();

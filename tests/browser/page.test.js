@@ -1,0 +1,110 @@
+// The page as one meets it: it draws, keeps to its policy, and fits wide and narrow windows.
+
+import assert from "node:assert/strict";
+import { after, before, test } from "node:test";
+import { open, PHONE, screenshot, untilReady, visit, WIDE } from "./chromium.js";
+
+let served;
+before(async () => (served = await open()));
+after(() => served.close());
+
+for (const [shape, viewport] of Object.entries({ wide: WIDE, phone: PHONE })) {
+  for (const colorScheme of ["light", "dark"]) {
+    test(`it draws without complaint, ${shape} and ${colorScheme}`, async () => {
+      const { page, complaints } = await visit(served, { viewport, colorScheme });
+      await untilReady(page);
+      const ground = await page.evaluate(() => getComputedStyle(document.body).backgroundColor);
+      const brightness = Math.max(...ground.match(/\d+/g).map(Number));
+      assert.equal(brightness < 128, colorScheme === "dark", ground);
+      const overflow = await page.evaluate(() => document.documentElement.scrollWidth - innerWidth);
+      assert.equal(overflow, 0);
+      await screenshot(page, `${shape}-${colorScheme}`);
+      assert.deepEqual(complaints, []);
+      await page.close();
+    });
+  }
+}
+
+test("the content security policy forbids eval and foreign scripts", async () => {
+  const { page } = await visit(served);
+  const [evaluated, refused] = await page.evaluate(() => {
+    const refused = [];
+    addEventListener("securitypolicyviolation", (event) => refused.push(event.effectiveDirective));
+    const script = document.createElement("script");
+    script.src = "https://example.invalid/script.js";
+    document.head.append(script);
+    // Later, because what the test itself evaluates is exempt.
+    setTimeout("globalThis.evaluated = true");
+    return new Promise((resolve) => setTimeout(() => resolve([globalThis.evaluated, refused]), 200));
+  });
+  assert.equal(evaluated, undefined);
+  assert.deepEqual(new Set(refused), new Set(["script-src", "script-src-elem"]));
+  assert.equal(await page.evaluate(() => crossOriginIsolated), true);
+  await page.close();
+});
+
+test("keys do what the buttons do", async () => {
+  const { page } = await visit(served);
+  await untilReady(page);
+  await page.keyboard.press("?");
+  assert.ok(await page.isVisible("#help"));
+  await page.keyboard.press("Escape");
+  await page.waitForSelector("#help", { state: "hidden" });
+  const before = await page.inputValue("#pose-x");
+  await page.keyboard.press("ArrowUp");
+  await page.waitForFunction((x) => document.getElementById("pose-x").value !== x, before);
+  await page.keyboard.press(" ");
+  await page.waitForFunction(() => document.getElementById("rate").textContent === "Paused");
+  await page.keyboard.press("h");
+  assert.ok(await page.isChecked("#layer-hulls"));
+  await page.close();
+});
+
+test("on a phone the settings open as a sheet", async () => {
+  const { page } = await visit(served, { viewport: PHONE });
+  assert.equal(await page.isVisible("#upload"), false);
+  await page.click("#handle");
+  await page.waitForSelector("#upload", { state: "visible" });
+  await screenshot(page, "phone-sheet");
+  await page.close();
+});
+
+test("the object is dragged over the table", async () => {
+  const { page } = await visit(served);
+  await untilReady(page);
+  const [x, y] = await page.evaluate(findObject);
+  const before = await page.inputValue("#pose-y");
+  await page.mouse.move(x, y);
+  await page.mouse.down();
+  await page.mouse.move(x + 20, y, { steps: 4 });
+  await page.mouse.move(x + 60, y, { steps: 4 });
+  await page.mouse.up();
+  await page.waitForFunction((y) => document.getElementById("pose-y").value !== y, before);
+  await page.close();
+});
+
+test("graphics that are taken away come back", async () => {
+  const { page } = await visit(served);
+  await page.evaluate(() => {
+    const context = document.getElementById("view").getContext("webgl2");
+    globalThis.loss = context.getExtension("WEBGL_lose_context");
+    globalThis.loss.loseContext();
+  });
+  await page.waitForSelector('[data-code="graphics_lost"]');
+  await page.evaluate(() => globalThis.loss.restoreContext());
+  await page.waitForSelector('[data-code="graphics_lost"]', { state: "detached" });
+  await page.close();
+});
+
+// Runs in the page: a point where the pointer could grab the object.
+function findObject() {
+  const canvas = document.getElementById("view");
+  const { width, height } = canvas.getBoundingClientRect();
+  for (let y = 0.2 * height; y < 0.75 * height; y += 8) {
+    for (let x = 0.2 * width; x < 0.8 * width; x += 8) {
+      canvas.dispatchEvent(new PointerEvent("pointermove", { clientX: x, clientY: y, pointerType: "mouse" }));
+      if (canvas.style.cursor === "grab") return [x, y + 16];
+    }
+  }
+  throw new Error("the object cannot be grabbed anywhere");
+}

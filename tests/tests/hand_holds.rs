@@ -1,0 +1,99 @@
+//! The hand holds a box, at rest and shaken, in the scene of the protocol.
+
+use geometry::Pose;
+use geometry::object::Object;
+use grasps::{Posture, Robot, search, trial};
+use robot::{JointState, JointVector, integrator};
+use scene::config::CONTROL_PERIOD;
+use scene::{Hold, Scene};
+
+/// Follows accelerations tick by tick.
+fn follow(scene: &mut Scene, state: &mut JointState, rows: &[JointVector]) {
+    for qdd in rows {
+        let next = integrator::step(state, qdd, CONTROL_PERIOD);
+        scene.follow(state, &next);
+        *state = next;
+    }
+}
+
+/// The sugar box in the middle of the workspace, with the first of its grasps.
+fn sugar_box(robot: &Robot) -> (Object, Pose, Posture) {
+    let object = Object::built_in("sugar_box").unwrap();
+    let grasp = rollout::workcell::built_in_grasps("sugar_box").unwrap().grasps.remove(0);
+    let yaw = search::easiest_yaw(robot, &object, &grasp).expect("a yaw within reach");
+    let [x, y] = [robot.config.workspace.x, robot.config.workspace.y];
+    let pose = robot.config.upright(0.5 * (x[0] + x[1]), 0.5 * (y[0] + y[1]), yaw);
+    let posture = robot.reach(&grasp, &object, &pose).expect("the middle is within reach");
+    (object, pose, posture)
+}
+
+#[test]
+fn a_held_box_slips_little_at_rest_and_when_shaken() {
+    let robot = Robot::standard().unwrap();
+    let (object, pose, posture) = sugar_box(&robot);
+    let (config, tree) = (&robot.config, &robot.tree);
+    let mut scene = Scene::new(config, tree, &object, &pose, &posture.open).unwrap();
+    let mut state = JointState::at_rest(posture.open);
+    follow(&mut scene, &mut state, &trial::straight(&posture.open, &posture.touch, 16));
+    follow(&mut scene, &mut state, &trial::straight(&posture.touch, &posture.squeeze, 10));
+    state = JointState::at_rest(posture.squeeze);
+    follow(&mut scene, &mut state, &[JointVector::zeros(); 9]);
+    let lift = trial::plan_lift(config, tree, &state).unwrap().expect("a lift");
+    for pair in lift.windows(2) {
+        scene.follow(&pair[0], &pair[1]);
+    }
+    let top = lift[lift.len() - 1];
+
+    let mut at_rest = Hold::begin(&scene);
+    for _ in 0..75 {
+        scene.follow(&top, &top);
+        at_rest.observe(&scene);
+    }
+    println!("at rest for 2.5 s: slip {:.2} mm", 1e3 * at_rest.slip);
+    assert!(at_rest.slip <= 0.002, "slip {} m at rest, wanted at most 0.002", at_rest.slip);
+
+    // The first joint swings by 0.15 rad at 1 Hz about a place beside the first one, so that position
+    // and velocity belong together from the start: a sine would begin with a jump to 0.9 rad/s.
+    let mut shaken = Hold::begin(&scene);
+    let swung = |tick: usize| {
+        let phase = std::f64::consts::TAU * tick as f64 * CONTROL_PERIOD;
+        let mut state = top;
+        state.q[0] += 0.15 * (1.0 - phase.cos());
+        state.qd[0] = 0.15 * std::f64::consts::TAU * phase.sin();
+        state
+    };
+    for tick in 0..90 {
+        scene.follow(&swung(tick), &swung(tick + 1));
+        shaken.observe(&scene);
+    }
+    println!("shaken for 3 s: slip {:.2} mm", 1e3 * shaken.slip);
+    assert!(shaken.slip <= 0.008, "slip {} m while shaken, wanted at most 0.008", shaken.slip);
+    let touching = scene.touching();
+    assert!(touching.hand && !touching.table && !touching.arm, "held by {touching:?}");
+}
+
+#[test]
+fn free_motion_is_tracked_before_contact() {
+    let robot = Robot::standard().unwrap();
+    let (object, pose, posture) = sugar_box(&robot);
+    let (config, tree) = (&robot.config, &robot.tree);
+    let home = config.home();
+    let mut scene = Scene::new(config, tree, &object, &pose, &home).unwrap();
+    let mut state = JointState::at_rest(home);
+    let mut above = posture.open;
+    // Over the object, the hand half closed in the air: arm and fingers move together.
+    for i in 0..robot::ARM {
+        above[i] = home[i] + 0.5 * (above[i] - home[i]);
+    }
+    for i in robot::ARM..robot::DOF {
+        above[i] = 0.5 * (home[i] + posture.squeeze[i]);
+    }
+    let mut worst = 0.0f64;
+    for next in rollout::approach::spline(&home, &above, &tree.limits) {
+        scene.follow(&state, &next);
+        state = next;
+        worst = worst.max((scene.joint_positions() - state.q).amax());
+    }
+    println!("free motion: tracked within {worst:.4} rad");
+    assert!(worst <= 0.02, "a joint is {worst} rad off its command, wanted at most 0.02");
+}

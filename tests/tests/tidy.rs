@@ -1,0 +1,174 @@
+//! Which crate may use which, and that the paths which the documents name exist.
+
+use std::collections::BTreeMap;
+use std::fs::read_to_string;
+use std::path::{Path, PathBuf};
+use toml::{Table, Value};
+
+/// Our own crates that each crate may use at run time.
+///
+/// The design's table, with two remarks. `policy`, `rollout` and what lies below them reach the
+/// browser, so candle stays above. `server` may use `imitation` for the jobs that it will run; today it
+/// only serves files and needs none of ours.
+const MAY_USE: [(&str, &[&str]); 13] = [
+    ("geometry", &[]),
+    ("robot", &["geometry"]),
+    ("fabrics", &["geometry", "robot"]),
+    ("scene", &["geometry", "robot"]),
+    ("grasps", &["geometry", "robot", "fabrics", "scene"]),
+    ("policy", &["geometry", "robot"]),
+    ("rollout", &["geometry", "robot", "fabrics", "scene", "grasps", "policy"]),
+    ("imitation", &["geometry", "robot", "fabrics", "scene", "grasps", "policy", "rollout"]),
+    (
+        "server",
+        &["geometry", "robot", "fabrics", "scene", "grasps", "policy", "rollout", "imitation"],
+    ),
+    (
+        "ngf",
+        &[
+            "geometry",
+            "robot",
+            "fabrics",
+            "scene",
+            "grasps",
+            "policy",
+            "rollout",
+            "imitation",
+            "server",
+        ],
+    ),
+    ("wasm", &["geometry", "robot", "fabrics", "scene", "grasps", "policy", "rollout"]),
+    ("xtask", &[]),
+    ("wasm-test-runner", &[]),
+];
+
+/// The only crates that may use a library whose types stay in one place. The command line caps
+/// threads with rayon; everything below `imitation` runs on the thread it is called on.
+const KEPT_IN: [(&str, &[&str]); 7] = [
+    ("rapier3d", &["scene"]),
+    ("parry3d", &["geometry"]),
+    ("candle-core", &["imitation"]),
+    ("gemm", &["imitation"]),
+    ("rayon", &["imitation", "ngf"]),
+    ("tokio", &["server", "ngf"]),
+    ("wasm-bindgen", &["wasm"]),
+];
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
+}
+
+/// Every manifest of the workspace by package name, its members found as cargo finds them.
+fn manifests() -> BTreeMap<String, Table> {
+    let parse = |folder: &Path| -> Table {
+        let path = folder.join("Cargo.toml");
+        toml::from_str(&read_to_string(&path).unwrap_or_else(|e| panic!("{path:?}: {e}"))).unwrap()
+    };
+    let mut folders = Vec::new();
+    for member in parse(&root())["workspace"]["members"].as_array().unwrap() {
+        match member.as_str().unwrap().strip_suffix("/*") {
+            None => folders.push(root().join(member.as_str().unwrap())),
+            Some(parent) => {
+                let entries = root().join(parent).read_dir().unwrap();
+                folders.extend(entries.map(|entry| entry.unwrap().path()));
+            }
+        }
+    }
+    let named = |folder: &PathBuf| {
+        let manifest = parse(folder);
+        (manifest["package"]["name"].as_str().unwrap().to_owned(), manifest)
+    };
+    folders.iter().map(named).collect()
+}
+
+/// Names of the dependencies in all tables that end up in what is shipped.
+fn dependencies(manifest: &Table) -> Vec<String> {
+    let names = |table: Option<&Value>| -> Vec<String> {
+        table.and_then(Value::as_table).map_or(vec![], |table| table.keys().cloned().collect())
+    };
+    let mut found = Vec::new();
+    for kind in ["dependencies", "build-dependencies"] {
+        found.extend(names(manifest.get(kind)));
+        for target in manifest.get("target").and_then(Value::as_table).into_iter().flatten() {
+            found.extend(names(target.1.get(kind)));
+        }
+    }
+    found
+}
+
+#[test]
+fn crates_use_what_they_may() {
+    let manifests = manifests();
+    for name in manifests.keys().filter(|name| *name != "tests") {
+        assert!(MAY_USE.iter().any(|(known, _)| known == name), "{name} is not in the table");
+    }
+    for (name, allowed) in MAY_USE {
+        let manifest = manifests.get(name).unwrap_or_else(|| panic!("no crate {name}"));
+        for used in dependencies(manifest) {
+            assert_ne!(used, "tests", "{name} must not use the tests");
+            if manifests.contains_key(&used) {
+                assert!(allowed.contains(&used.as_str()), "{name} must not use {used}");
+            }
+        }
+    }
+}
+
+#[test]
+fn heavy_libraries_stay_in_their_crates() {
+    for (name, manifest) in &manifests() {
+        for used in dependencies(manifest) {
+            if let Some((_, homes)) = KEPT_IN.iter().find(|(library, _)| *library == used) {
+                assert!(homes.contains(&name.as_str()), "{name} must not use {used}");
+            }
+        }
+    }
+}
+
+#[test]
+fn versions_stand_in_one_place() {
+    for (name, manifest) in &manifests() {
+        for kind in ["dependencies", "dev-dependencies", "build-dependencies"] {
+            for (used, how) in manifest.get(kind).and_then(Value::as_table).into_iter().flatten() {
+                let shared = how.get("workspace").and_then(Value::as_bool).unwrap_or(false);
+                assert!(shared, "{name} names its own version of {used}");
+            }
+        }
+    }
+}
+
+/// Text between single backticks, outside fenced blocks.
+fn in_backticks(text: &str) -> Vec<&str> {
+    let prose = text.split("```").step_by(2);
+    prose
+        .flat_map(|part| part.lines().flat_map(|line| line.split('`').skip(1).step_by(2)))
+        .collect()
+}
+
+/// Whether a word in backticks is meant as a path: it has a slash, or the ending of a file.
+fn is_path(word: &str) -> bool {
+    let has_ending = [".md", ".rs", ".toml", ".json", ".lock"].iter().any(|e| word.ends_with(e));
+    let is_plain = !word.contains(char::is_whitespace) && !word.contains("://");
+    is_plain && !word.starts_with('/') && (word.contains('/') || has_ending)
+}
+
+#[test]
+fn paths_in_the_documents_exist() {
+    for document in ["ARCHITECTURE.md", "README.md"] {
+        let text = read_to_string(root().join(document)).unwrap();
+        let paths: Vec<&str> =
+            in_backticks(&text).into_iter().filter(|word| is_path(word)).collect();
+        assert!(!paths.is_empty(), "{document} names no path");
+        // Links of Markdown lead to files too.
+        let links = text.split("](").skip(1).filter_map(|rest| rest.split(')').next());
+        for path in paths.into_iter().chain(links.filter(|link| !link.contains("://"))) {
+            assert!(root().join(path).exists(), "{document} names {path}, which does not exist");
+        }
+    }
+}
+
+#[test]
+fn words_in_backticks_are_told_apart() {
+    let text = "a `b/c.rs` d `e f/g`\n```\n`h/i`\n```\n`j.md` `/k/l` `m`";
+    let paths: Vec<&str> = in_backticks(text).into_iter().filter(|word| is_path(word)).collect();
+    assert_eq!(paths, ["b/c.rs", "j.md"]);
+}
