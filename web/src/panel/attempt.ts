@@ -37,6 +37,10 @@ export class AttemptPanel {
     this.#grasp.addEventListener("click", () => this.grasp());
     this.#newPose.addEventListener("click", () => this.newPose());
     this.#seed.addEventListener("change", () => this.#drawPose());
+    // A seed that is already there draws its pose too, when it is confirmed.
+    this.#seed.addEventListener("keydown", (event) => {
+      if (event.key === "Enter") this.#drawPose();
+    });
   }
 
   // There is an object to grasp.

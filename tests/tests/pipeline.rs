@@ -1,0 +1,58 @@
+//! The whole path at toy size: demonstrations, encoder, policy, model files, an attempt.
+
+use geometry::object::Object;
+use grasps::Robot;
+use imitation::autoencoder::{self, AutoencoderConfig};
+use imitation::dagger::{self, DaggerConfig};
+use imitation::dataset::{Dataset, DatasetConfig};
+use imitation::training::{self, TrainedEncoder};
+use policy::ngf::NgfConfig;
+use rollout::{Attempt, Controller, Workcell};
+
+#[test]
+fn a_tiny_model_is_made_and_acts() {
+    let folder = tempfile::tempdir().unwrap();
+    let (data, out) = (folder.path().join("data"), folder.path().join("model"));
+    let robot = Robot::standard().unwrap();
+    let config = DatasetConfig::preset("tiny", 1).unwrap();
+    let dataset = Dataset::create(&data, config.clone()).unwrap();
+    dataset.generate(&robot, &|_, _, _| ()).unwrap();
+
+    // What is missing is made again with the same bytes.
+    let file = data.join("demonstrations/sugar_box/00001.safetensors");
+    let bytes = std::fs::read(&file).unwrap();
+    std::fs::remove_file(&file).unwrap();
+    dataset.generate(&robot, &|_, _, _| ()).unwrap();
+    assert!(std::fs::read(&file).unwrap() == bytes, "the file differs when it is made again");
+    let other = Dataset::create(&data, DatasetConfig { seed: 2, ..config });
+    assert!(other.err().unwrap().to_string().contains("another configuration"));
+
+    let steps = AutoencoderConfig { steps: 4, batch: 4, ..AutoencoderConfig::standard() };
+    autoencoder::train(&dataset, &steps, &out, &mut |_, _, _| ()).unwrap();
+    let encoder = TrainedEncoder::load(&out).unwrap();
+    let (taught, _) = training::lessons(&dataset, &encoder).unwrap();
+    assert_eq!(taught.len(), 2);
+    let steps =
+        DaggerConfig { steps: 50, batch: 8, ngf: NgfConfig::tiny(), ..DaggerConfig::standard() };
+    let mut losses = Vec::new();
+    let limits = &robot.tree.limits;
+    let params = dagger::train(&taught, limits, &steps, &out, &mut |_, _, loss, _| {
+        losses.push(loss);
+        Ok(true)
+    })
+    .unwrap();
+    assert!(losses.len() == 1 && losses[0].is_finite(), "{losses:?}");
+    training::write_model(&out, &encoder, &params, &steps, &taught).unwrap();
+
+    let mut workcell = Workcell::new().unwrap();
+    let read = |file: &str| std::fs::read(out.join(file)).unwrap();
+    let files = ["weights.safetensors", "starts.safetensors", "config.json"].map(read);
+    workcell.load_model(&files[0], &files[1], &files[2]).unwrap();
+    let object = Object::built_in("sugar_box").unwrap();
+    let run = || {
+        let mut attempt =
+            Attempt::begin(&workcell, &object, "sugar_box", None, 5, Controller::Policy).unwrap();
+        (attempt.run(&workcell), attempt.state_hash())
+    };
+    assert_eq!(run(), run(), "an attempt is its seed");
+}
