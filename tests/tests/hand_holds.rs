@@ -1,5 +1,7 @@
 //! The hand holds a box, at rest and shaken, in the scene of the protocol.
 
+#![allow(clippy::unwrap_used, reason = "a helper of a test fails by panicking too")]
+
 use geometry::Pose;
 use geometry::object::Object;
 use grasps::{Posture, Robot, search, trial};

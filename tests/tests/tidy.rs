@@ -1,5 +1,7 @@
 //! Which crate may use which, and that the paths which the documents name exist.
 
+#![allow(clippy::unwrap_used, reason = "a helper of a test fails by panicking too")]
+
 use std::collections::BTreeMap;
 use std::fs::read_to_string;
 use std::path::{Path, PathBuf};

@@ -141,3 +141,76 @@ impl Camera {
         Vec3::new(x, y, 1.0)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A square in the plane x = `distance`, seen by a camera at the origin that looks along x.
+    fn wall(distance: f32, half: f32) -> Surface {
+        let corner = |y: f32, z: f32| Vec3::new(0.0, y * half, z * half);
+        let mesh = Mesh {
+            vertices: [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]
+                .map(|(y, z)| corner(y, z))
+                .to_vec(),
+            triangles: vec![[0, 1, 2], [0, 2, 3]],
+        };
+        Surface::of_mesh(&mesh, &Pose::from_translation(Vec3::X * distance)).unwrap()
+    }
+
+    fn camera() -> Camera {
+        let config = SceneConfig::standard().unwrap().camera;
+        Camera::new(&CameraConfig { position: [0.0; 3], target: [1.0, 0.0, 0.0], ..config })
+    }
+
+    #[test]
+    fn a_wall_is_measured_at_its_distance() {
+        let camera = camera();
+        for distance in [0.4, 0.8, 1.5] {
+            let image = camera.render(&[wall(distance, 2.0)], None);
+            let worst = image.depth.iter().map(|d| (d - distance).abs()).fold(0.0, f32::max);
+            assert!(worst < 0.001, "wall at {distance} m: depth off by {worst} m");
+            let points = camera.points(&image);
+            assert_eq!(points.len(), 160 * 120);
+            let worst = points.iter().map(|p| (p.x - distance).abs()).fold(0.0, f32::max);
+            assert!(worst < 0.001, "wall at {distance} m: points off by {worst} m");
+        }
+    }
+
+    #[test]
+    fn a_box_has_its_size_and_stands_upright() {
+        let camera = camera();
+        let points = camera.points(&camera.render(&[wall(0.8, 0.1)], None));
+        // A pixel is 5 mm wide at 0.8 m: the outermost middles of pixels lie inside the edge.
+        let pixel = 0.8 / camera.focal;
+        for reach in [Vec3::Y, Vec3::Z, Vec3::NEG_Y, Vec3::NEG_Z] {
+            let edge = points.iter().map(|p| p.dot(reach)).fold(0.0, f32::max);
+            assert!(edge <= 0.1 && edge > 0.1 - pixel, "edge at {edge} m, wanted 0.1");
+        }
+        let (first, last) = (points[0], points[points.len() - 1]);
+        assert!(first.z > 0.09 && first.y > 0.09, "the first row is the upper one: {first}");
+        assert!(last.z < -0.09 && last.y < -0.09, "and the left one comes first: {last}");
+    }
+
+    #[test]
+    fn the_nearer_surface_hides_the_other() {
+        let camera = camera();
+        let far = camera.render(&[wall(1.2, 2.0)], None);
+        let both = camera.render(&[wall(0.8, 0.1)], Some(&far));
+        let together = camera.render(&[wall(1.2, 2.0), wall(0.8, 0.1)], None);
+        assert_eq!(both, together);
+        let near = both.depth.iter().filter(|d| (**d - 0.8).abs() < 0.001).count();
+        let behind = both.depth.iter().filter(|d| (**d - 1.2).abs() < 0.001).count();
+        assert_eq!(near + behind, 160 * 120);
+        assert!(near > 1000, "{near} pixels of the near wall");
+    }
+
+    #[test]
+    fn nothing_is_measured_out_of_range() {
+        let camera = camera();
+        for distance in [0.2, 1.7] {
+            let image = camera.render(&[wall(distance, 2.0)], None);
+            assert!(camera.points(&image).is_empty(), "a wall at {distance} m was measured");
+        }
+    }
+}

@@ -47,3 +47,56 @@ impl Eye {
         chosen.into_iter().map(|i| points[i]).collect()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use geometry::object::Object;
+    use rand::SeedableRng;
+    use rand_chacha::ChaCha8Rng;
+    use rapier3d::parry::query::PointQuery;
+    use rapier3d::parry::shape::TriMesh;
+
+    /// Distance (m) of each point from the object's surface, sorted.
+    fn distances(object: &Object, world_from_object: &Pose, points: &[Vec3]) -> Vec<f32> {
+        let mesh = &object.mesh;
+        let surface = TriMesh::new(mesh.vertices.clone(), mesh.triangles.clone()).unwrap();
+        let distance = |point: &Vec3| surface.distance_to_point(world_from_object, *point, false);
+        let mut distances: Vec<f32> = points.iter().map(distance).collect();
+        distances.sort_by(f32::total_cmp);
+        distances
+    }
+
+    #[test]
+    fn the_cloud_of_an_object_lies_on_its_surface() {
+        let config = SceneConfig::standard().unwrap();
+        let eye = Eye::new(&config, &Tree::iiwa7_allegro().unwrap());
+        let object = Object::built_in("sugar_box").unwrap();
+        let mut rng = ChaCha8Rng::seed_from_u64(4);
+        for (x, y, yaw) in [(0.6, 0.0, 0.3), (0.42, -0.23, -2.0), (0.78, 0.23, 1.2)] {
+            let pose = config.upright(x, y, yaw);
+            let clean = eye.cloud(&eye.clean_frame(&object.mesh, &pose));
+            assert_eq!(clean.len(), 512);
+            let worst = distances(&object, &pose, &clean)[511];
+            assert!(worst < 1e-4, "at {x} {y}: a point {worst} m off the surface");
+
+            // Arbitrary pixels are few, but farthest-point order takes every one of them.
+            let noisy = eye.cloud(&eye.frame(&object.mesh, &pose, &mut rng));
+            assert_eq!(noisy.len(), 512);
+            let off = distances(&object, &pose, &noisy);
+            let stray = off.iter().filter(|d| **d > 0.02).count();
+            println!("at {x} {y}: half within {} m, {stray} of 512 stray", off[256]);
+            assert!(off[256] < 0.003, "at {x} {y}: half is {} m off the surface", off[256]);
+            assert!(off[460] < 0.010, "at {x} {y}: a tenth is {} m off the surface", off[460]);
+            assert!(stray < 77, "at {x} {y}: {stray} of 512 points are stray");
+        }
+    }
+
+    #[test]
+    fn an_empty_table_gives_no_points() {
+        let config = SceneConfig::standard().unwrap();
+        let eye = Eye::new(&config, &Tree::iiwa7_allegro().unwrap());
+        let points = eye.cloud(&eye.empty);
+        assert!(points.is_empty(), "{} points, the first one at {}", points.len(), points[0]);
+    }
+}

@@ -108,3 +108,130 @@ fn own_links<'a>(
         Nearness { gap: distance - sphere.radius - s.radius, away: offset / distance.max(1e-9) }
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use geometry::{Pose, Vec3};
+    use robot::{JointState, Tree, integrator};
+
+    const CONFIG: RepulsionConfig =
+        RepulsionConfig { push: 1.0, bend: 5.0, priority: 0.01, reach: 0.5, least: 0.01 };
+
+    /// A posture away from singularities, and the middle fingertip's body.
+    fn standing() -> (Tree, JointVector, usize) {
+        let tree = Tree::iiwa7_allegro().unwrap();
+        let arm = [0.0, 0.5, 0.0, -1.6, 0.0, 0.9, 0.0];
+        let q = robot::join(&arm, &[0.3; robot::HAND]);
+        let tip = tree.tips[1].body;
+        (tree, q, tip)
+    }
+
+    /// A box of 20 cm whose side lies `gap` (m) beside `center` along `side`.
+    fn boxed(center: &Vector, radius: f64, side: &Vector, gap: f64) -> Obstacle {
+        let middle = center - side * (radius + gap + 0.1);
+        let pose = Pose::from_translation(rotation::to_vec3(&middle));
+        Obstacle { solids: vec![Solid::cuboid(Vec3::splat(0.1)).moved(&pose)], first_body: 3 }
+    }
+
+    /// Acceleration (m/s²) of a point of `body` that the term alone asks for.
+    fn asked(
+        tree: &Tree,
+        state: &JointState,
+        sphere: &Sphere,
+        obstacle: Obstacle,
+    ) -> Option<Vector> {
+        let kinematics = tree.kinematics(&state.q);
+        let center =
+            kinematics.world_from_body[sphere.body].transform_point(&sphere.center.into()).coords;
+        let mut pull = Pull::zero();
+        let spheres = std::slice::from_ref(sphere);
+        add(&mut pull, &kinematics, &state.qd, spheres, &[obstacle], &CONFIG);
+        // A weak pull of every joint to rest makes the sum solvable.
+        let metric = pull.geometry.metric + robot::JointMatrix::identity() * 1e-6;
+        let force = pull.geometry.force + pull.potential;
+        let qdd = -metric.cholesky()?.solve(&force);
+        Some(kinematics.point_jacobian(sphere.body, &center) * qdd)
+    }
+
+    #[test]
+    fn it_pushes_away_from_a_box_outside_and_inside() {
+        let (tree, q, tip) = standing();
+        let sphere = Sphere { body: tip, center: Vector::zeros(), radius: 0.012, link: "tip".into() };
+        let center = tree.kinematics(&q).world_from_body[tip].translation.vector;
+        for side in [Vector::x(), -Vector::x(), Vector::y(), -Vector::y(), Vector::z(), -Vector::z()]
+        {
+            // Outside, touching, with the centre still outside, with the centre inside.
+            for gap in [0.03, 0.001, -0.005, -0.02] {
+                let obstacle = boxed(&center, sphere.radius, &side, gap);
+                let state = JointState::at_rest(q);
+                let away = asked(&tree, &state, &sphere, obstacle).unwrap().dot(&side);
+                assert!(away > 0.5, "gap {gap} m beside {side:?}: {away} m/s² away from the box");
+            }
+        }
+    }
+
+    #[test]
+    fn leaving_is_free_and_approach_is_not() {
+        let (tree, q, tip) = standing();
+        let sphere = Sphere { body: tip, center: Vector::zeros(), radius: 0.012, link: "tip".into() };
+        let kinematics = tree.kinematics(&q);
+        let center = kinematics.world_from_body[tip].translation.vector;
+        let side = Vector::z();
+        let priority = |direction: f64| {
+            let jacobian = kinematics.point_jacobian(tip, &center);
+            let step = jacobian.transpose() * side * direction;
+            let qd = step / (jacobian * step).norm() * 0.2;
+            let mut pull = Pull::zero();
+            let obstacle = boxed(&center, sphere.radius, &side, 0.02);
+            let spheres = std::slice::from_ref(&sphere);
+            add(&mut pull, &kinematics, &qd, spheres, &[obstacle], &CONFIG);
+            pull.geometry.metric.norm()
+        };
+        let (towards, away) = (priority(-1.0), priority(1.0));
+        assert!(towards > 100.0 * away, "priority {towards} approaching, {away} leaving");
+    }
+
+    #[test]
+    fn a_sweep_across_a_box_does_not_enter_it() {
+        let tree = Tree::iiwa7_allegro().unwrap();
+        let q = robot::join(&[-0.5, 0.9, 0.0, -1.4, 0.0, 0.9, 0.0], &[0.3; robot::HAND]);
+        let spheres = tree.spheres().unwrap();
+        let solids = robot::solids::RobotSolids::new(&tree);
+        let palm = tree.kinematics(&q).palm().translation.vector;
+        // The first joint swings the hand along an arc; a post stands in the middle of it.
+        let middle = rotation::about(&Vector::z(), 0.5) * palm;
+        let pose = Pose::from_translation(rotation::to_vec3(&middle));
+        let post = Solid::cuboid(Vec3::new(0.03, 0.03, 0.4)).moved(&pose);
+        let obstacle = || vec![Obstacle { solids: vec![post.clone()], first_body: 3 }];
+        let run = |is_repelled: bool| {
+            let mut state = JointState::at_rest(q);
+            let mut least = f32::INFINITY;
+            for _ in 0..150 {
+                let kinematics = tree.kinematics(&state.q);
+                let mut pull = Pull::zero();
+                // The goal lies behind the post; every joint is damped.
+                let metric = robot::JointMatrix::identity();
+                let mut wanted = -state.qd * 6.0 - (state.q - q) * 2.0;
+                wanted[0] += 2.0;
+                pull.geometry.metric += metric;
+                pull.potential -= metric * wanted;
+                if is_repelled {
+                    add(&mut pull, &kinematics, &state.qd, &spheres, &obstacle(), &CONFIG);
+                }
+                let force = pull.geometry.force + pull.potential;
+                let qdd = -pull.geometry.metric.cholesky().unwrap().solve(&force);
+                let qdd = tree.limits.scale_acceleration(&qdd);
+                state = integrator::step(&state, &qdd, 1.0 / 30.0);
+                let kinematics = tree.kinematics(&state.q);
+                least = least.min(solids.least_gap(&kinematics, &[post.clone()], 0.2));
+            }
+            (least, state.q[0] - q[0])
+        };
+        let (without, swung) = run(false);
+        assert!(without < -0.02 && swung > 0.9, "the way leads through it: {without} m, {swung} rad");
+        let (least, _) = run(true);
+        println!("least gap {least} m, without repulsion {without} m");
+        assert!(least > -0.001, "{least} m into the post");
+    }
+}
