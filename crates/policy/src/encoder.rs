@@ -1,7 +1,9 @@
 //! The encoder: point cloud -> z by PointNet layers, and the decoder back (paper §III-D).
 //!
 //! A set-abstraction layer over neighbourhoods of 16 points, a second layer per neighbourhood, the
-//! maximum over all of them, and a linear read-out. The order of the points does not matter.
+//! maximum over all of them, and a linear read-out. The first 128 points are the centres of the
+//! neighbourhoods: z depends on which points come first, but neither on their order nor on that of the
+//! others (where no two points are equally far from a centre).
 
 use crate::mlp::{Mlp, elu};
 use crate::weights::{Tensors, WeightsError};
@@ -155,5 +157,93 @@ fn activated(mlp: &Mlp, x: &[f32]) -> Vec<f32> {
 fn keep_largest(largest: &mut [f32], values: &[f32]) {
     for (largest, value) in largest.iter_mut().zip(values) {
         *largest = largest.max(*value);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mlp::Dense;
+
+    fn mlp(widths: &[usize]) -> Mlp {
+        let wave = |k: usize| libm::sinf((k * k + 7 * k + widths[0]) as f32);
+        let dense = |pair: &[usize]| Dense {
+            weight: (0..pair[0] * pair[1]).map(|k| wave(k) / (pair[0] as f32).sqrt()).collect(),
+            bias: (0..pair[1]).map(|k| 0.1 * wave(k + 3)).collect(),
+        };
+        Mlp { layers: widths.windows(2).map(dense).collect() }
+    }
+
+    fn encoder() -> Encoder {
+        Encoder {
+            local: mlp(&LOCAL_WIDTHS),
+            global: mlp(&GLOBAL_WIDTHS),
+            readout: mlp(&READOUT_WIDTHS),
+            mean: vec![0.1; LATENT],
+            scale: vec![0.5; LATENT],
+        }
+    }
+
+    /// Points of which no two have the same distance from a third.
+    fn cloud() -> Vec<Vec3> {
+        let wave = |k: usize| libm::sinf((k * k % 977) as f32 * 1.7 + k as f32);
+        (0..CLOUD)
+            .map(|k| {
+                Vec3::from_array(WORKSPACE_MIDDLE)
+                    + 0.1 * Vec3::new(wave(3 * k), wave(3 * k + 1), wave(3 * k + 2))
+            })
+            .collect()
+    }
+
+    #[test]
+    fn the_order_of_centers_and_of_the_others_does_not_matter() {
+        let (encoder, mut cloud) = (encoder(), cloud());
+        let z = encoder.encode(&cloud).unwrap();
+        assert!(z.len() == LATENT && z.iter().all(|z| z.is_finite()));
+        cloud[CENTERS..].reverse();
+        assert_eq!(encoder.encode(&cloud).unwrap(), z, "the others reversed");
+        cloud[..CENTERS].rotate_left(40);
+        cloud[CENTERS..].swap(0, 200);
+        assert_eq!(encoder.encode(&cloud).unwrap(), z, "the centres rotated");
+    }
+
+    #[test]
+    fn it_matters_which_points_are_centers() {
+        let (encoder, mut cloud) = (encoder(), cloud());
+        let z = encoder.encode(&cloud).unwrap();
+        for k in 0..CENTERS {
+            cloud.swap(k, CENTERS + k);
+        }
+        assert_ne!(encoder.encode(&cloud).unwrap(), z);
+    }
+
+    #[test]
+    fn a_point_stands_for_its_place() {
+        let (encoder, cloud) = (encoder(), cloud());
+        let shifted: Vec<Vec3> = cloud.iter().map(|p| *p + Vec3::X * 0.05).collect();
+        assert_ne!(encoder.encode(&shifted), encoder.encode(&cloud), "z tells where the cloud is");
+    }
+
+    #[test]
+    fn neighborhoods_are_the_nearest_points_with_the_center_first() {
+        let cloud = cloud();
+        let all = neighborhoods(&cloud);
+        assert_eq!(all.len(), CENTERS);
+        for (center, neighbors) in all.iter().enumerate() {
+            assert_eq!(neighbors[0], center);
+            let distance = |i: usize| cloud[center].distance_squared(cloud[i]);
+            let farthest = distance(neighbors[NEIGHBORS - 1]);
+            assert!(neighbors.is_sorted_by(|a, b| distance(*a) <= distance(*b)));
+            let nearer = (0..CLOUD).filter(|i| distance(*i) < farthest).count();
+            assert_eq!(nearer, NEIGHBORS - 1);
+        }
+    }
+
+    #[test]
+    fn few_points_have_an_encoding_and_none_have_not() {
+        let encoder = encoder();
+        assert!(encoder.encode(&[]).is_none());
+        let z = encoder.encode(&cloud()[..1]).unwrap();
+        assert!(z.iter().all(|z| z.is_finite()), "{z:?}");
     }
 }

@@ -88,3 +88,141 @@ fn palm_distance(a: &Isometry, b: &Isometry) -> f64 {
     let moved = (a.translation.vector - b.translation.vector).norm();
     moved + LEVER * rotation::angle_between(&a.rotation, &b.rotation)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::encoder::{DECODER_WIDTHS, GLOBAL_WIDTHS, LOCAL_WIDTHS, READOUT_WIDTHS};
+    use crate::ngf::PARTS;
+    use robot::JointState;
+    use safetensors::Dtype;
+    use safetensors::tensor::TensorView;
+    use std::collections::BTreeMap;
+
+    type File = BTreeMap<String, (Vec<usize>, Vec<f32>)>;
+
+    fn wave(count: usize, seed: usize) -> Vec<f32> {
+        (0..count).map(|k| 0.05 * libm::sinf((k * k % 1009 + 31 * seed) as f32)).collect()
+    }
+
+    /// All tensors of a small model.
+    fn weights() -> File {
+        let config = NgfConfig::tiny();
+        let mut networks: Vec<(&str, Vec<usize>)> =
+            PARTS.iter().map(|part| (part.name, part.widths(&config).to_vec())).collect();
+        networks.extend([
+            ("encoder.local", LOCAL_WIDTHS.to_vec()),
+            ("encoder.global", GLOBAL_WIDTHS.to_vec()),
+            ("encoder.readout", READOUT_WIDTHS.to_vec()),
+            ("decoder", DECODER_WIDTHS.to_vec()),
+        ]);
+        let mut file = File::new();
+        for (name, widths) in networks {
+            for (i, pair) in widths.windows(2).enumerate() {
+                let (inputs, outputs) = (pair[0], pair[1]);
+                let weight = (vec![inputs, outputs], wave(inputs * outputs, i));
+                file.insert(format!("{name}.{i}.weight"), weight);
+                file.insert(format!("{name}.{i}.bias"), (vec![outputs], wave(outputs, i + 9)));
+            }
+        }
+        file.insert("latent.mean".into(), (vec![LATENT], wave(LATENT, 1)));
+        file.insert("latent.scale".into(), (vec![LATENT], vec![1.0; LATENT]));
+        file
+    }
+
+    /// Two object poses with two starts each.
+    fn starts() -> File {
+        let z = [0.0f32, 0.0, 1.0, 1.0].iter().flat_map(|z| [*z; LATENT]).collect();
+        let q = [0.2f32, 0.5, 0.2, 0.5].iter().flat_map(|q| [*q; DOF]).collect();
+        let rows = [("starts.z", LATENT, z), ("starts.q", DOF, q)];
+        rows.map(|(name, size, values)| (name.to_owned(), (vec![4, size], values))).into()
+    }
+
+    fn bytes(file: &File) -> Vec<u8> {
+        let data: Vec<(&String, &Vec<usize>, Vec<u8>)> = file
+            .iter()
+            .map(|(name, (shape, x))| {
+                (name, shape, x.iter().flat_map(|x| x.to_le_bytes()).collect())
+            })
+            .collect();
+        let view =
+            |shape: &[usize], data| TensorView::new(Dtype::F32, shape.to_vec(), data).unwrap();
+        safetensors::serialize(data.iter().map(|(n, s, data)| (*n, view(s, data))), None).unwrap()
+    }
+
+    fn load(weights: &[u8], starts: &[u8], config: &str) -> Result<Model, WeightsError> {
+        Model::load(weights, starts, config.as_bytes(), &Tree::iiwa7_allegro().unwrap())
+    }
+
+    fn config() -> String {
+        serde_json::to_string(&ModelConfig { ngf: NgfConfig::tiny() }).unwrap()
+    }
+
+    /// The message about weights that were changed.
+    fn message(change: impl FnOnce(&mut File)) -> String {
+        let mut file = weights();
+        change(&mut file);
+        load(&bytes(&file), &bytes(&starts()), &config()).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn a_sound_model_loads_and_acts() {
+        let model = load(&bytes(&weights()), &bytes(&starts()), &config()).unwrap();
+        let state = JointState::at_rest(JointVector::from_element(0.3));
+        assert!(model.ngf.acceleration(&state, &[0.1; LATENT]).is_some());
+        assert_eq!(model.decoder.decode(&[0.1; LATENT]).len(), crate::encoder::CLOUD);
+    }
+
+    #[test]
+    fn the_start_belongs_to_the_nearest_encoding_and_then_to_the_nearest_palm() {
+        let model = load(&bytes(&weights()), &bytes(&starts()), &config()).unwrap();
+        for (z, q) in [(0.2f32, 0.2), (0.2, 0.5), (0.9, 0.2), (0.9, 0.5)] {
+            let wanted = JointVector::from_element(f64::from(q as f32));
+            let palm = Tree::iiwa7_allegro().unwrap().kinematics(&wanted).palm();
+            let start = model.start(&[z; LATENT], &palm).unwrap();
+            assert_eq!(start.z, [z.round(); LATENT]);
+            assert!((start.q - wanted).amax() < 1e-6, "{} against {q}", start.q[0]);
+        }
+    }
+
+    #[test]
+    fn a_missing_tensor_is_named() {
+        let message = message(|file| drop(file.remove("potential.2.bias")));
+        assert!(message.contains("lack the tensor potential.2.bias"), "{message}");
+    }
+
+    #[test]
+    fn a_wrong_shape_is_named_with_the_wanted_one() {
+        let message = message(|file| {
+            file.insert("encoder.local.0.weight".into(), (vec![3, 32], wave(96, 0)));
+        });
+        assert!(message.contains("encoder.local.0.weight should be [6, 32]"), "{message}");
+        assert!(message.contains("found [3, 32]"), "{message}");
+    }
+
+    #[test]
+    fn a_value_that_is_not_finite_is_named() {
+        for bad in [f32::NAN, f32::INFINITY] {
+            let message = message(|file| {
+                let (_, values) = file.get_mut("damping.1.weight").unwrap();
+                values[17] = bad;
+            });
+            assert!(message.contains("damping.1.weight holds a value that is not"), "{message}");
+        }
+    }
+
+    #[test]
+    fn a_damaged_file_is_told_from_a_foreign_one() {
+        let (whole, starts) = (bytes(&weights()), bytes(&starts()));
+        for end in [0, 5, 100, whole.len() / 2, whole.len() - 1] {
+            let message = load(&whole[..end], &starts, &config()).unwrap_err().to_string();
+            assert!(message.contains("damaged"), "{end} bytes: {message}");
+        }
+        let message = load(&starts, &starts, &config()).unwrap_err().to_string();
+        assert!(message.contains("another architecture"), "{message}");
+        let message = load(&whole, &whole, &config()).unwrap_err().to_string();
+        assert!(message.contains("starts.q"), "{message}");
+        let message = load(&whole, &starts, "{}").unwrap_err().to_string();
+        assert!(message.contains("configuration") && message.contains("ngf"), "{message}");
+    }
+}

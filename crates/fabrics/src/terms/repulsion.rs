@@ -157,9 +157,11 @@ mod tests {
     #[test]
     fn it_pushes_away_from_a_box_outside_and_inside() {
         let (tree, q, tip) = standing();
-        let sphere = Sphere { body: tip, center: Vector::zeros(), radius: 0.012, link: "tip".into() };
+        let sphere =
+            Sphere { body: tip, center: Vector::zeros(), radius: 0.012, link: "tip".into() };
         let center = tree.kinematics(&q).world_from_body[tip].translation.vector;
-        for side in [Vector::x(), -Vector::x(), Vector::y(), -Vector::y(), Vector::z(), -Vector::z()]
+        for side in
+            [Vector::x(), -Vector::x(), Vector::y(), -Vector::y(), Vector::z(), -Vector::z()]
         {
             // Outside, touching, with the centre still outside, with the centre inside.
             for gap in [0.03, 0.001, -0.005, -0.02] {
@@ -174,7 +176,8 @@ mod tests {
     #[test]
     fn leaving_is_free_and_approach_is_not() {
         let (tree, q, tip) = standing();
-        let sphere = Sphere { body: tip, center: Vector::zeros(), radius: 0.012, link: "tip".into() };
+        let sphere =
+            Sphere { body: tip, center: Vector::zeros(), radius: 0.012, link: "tip".into() };
         let kinematics = tree.kinematics(&q);
         let center = kinematics.world_from_body[tip].translation.vector;
         let side = Vector::z();
@@ -204,6 +207,8 @@ mod tests {
         let pose = Pose::from_translation(rotation::to_vec3(&middle));
         let post = Solid::cuboid(Vec3::new(0.03, 0.03, 0.4)).moved(&pose);
         let obstacle = || vec![Obstacle { solids: vec![post.clone()], first_body: 3 }];
+        let mut goal = q;
+        goal[0] += 1.0;
         let run = |is_repelled: bool| {
             let mut state = JointState::at_rest(q);
             let mut least = f32::INFINITY;
@@ -212,8 +217,7 @@ mod tests {
                 let mut pull = Pull::zero();
                 // The goal lies behind the post; every joint is damped.
                 let metric = robot::JointMatrix::identity();
-                let mut wanted = -state.qd * 6.0 - (state.q - q) * 2.0;
-                wanted[0] += 2.0;
+                let wanted = (goal - state.q) * 9.0 - state.qd * 6.0;
                 pull.geometry.metric += metric;
                 pull.potential -= metric * wanted;
                 if is_repelled {
@@ -224,12 +228,15 @@ mod tests {
                 let qdd = tree.limits.scale_acceleration(&qdd);
                 state = integrator::step(&state, &qdd, 1.0 / 30.0);
                 let kinematics = tree.kinematics(&state.q);
-                least = least.min(solids.least_gap(&kinematics, &[post.clone()], 0.2));
+                least = least.min(solids.least_gap(&kinematics, std::slice::from_ref(&post), 0.2));
             }
             (least, state.q[0] - q[0])
         };
         let (without, swung) = run(false);
-        assert!(without < -0.02 && swung > 0.9, "the way leads through it: {without} m, {swung} rad");
+        assert!(
+            without < -0.02 && swung > 0.9,
+            "the way leads through it: {without} m, {swung} rad"
+        );
         let (least, _) = run(true);
         println!("least gap {least} m, without repulsion {without} m");
         assert!(least > -0.001, "{least} m into the post");
