@@ -90,11 +90,6 @@ impl<'a> Fabric<'a> {
         Ok(Self { tree, spheres: tree.spheres()?, obstacles, rest, config })
     }
 
-    /// The same fabric with another resting posture.
-    pub fn with_rest(self, rest: JointVector) -> Self {
-        Self { rest, ..self }
-    }
-
     /// The acceleration q̈ = h̃ + α q̇ - M⁻¹ ∂ψ - γ q̇ (rad/s²), scaled down to the joints' limits;
     /// `None` if the state is not finite.
     pub fn acceleration(&self, state: &JointState, goal: &Goal) -> Option<JointVector> {

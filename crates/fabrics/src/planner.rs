@@ -1,8 +1,7 @@
-//! Integrates a fabric to its goal, and tries again from other resting postures when it gets stuck.
+//! Integrates a fabric to its goal.
 
 use crate::fabric::{Fabric, Goal};
-use rand::{Rng, RngExt};
-use robot::{ARM, JointState, JointVector, integrator, rotation};
+use robot::{JointState, JointVector, integrator, rotation};
 
 /// When a motion counts as arrived, and when as lost.
 #[derive(Clone, Debug)]
@@ -17,10 +16,6 @@ pub struct PlannerConfig {
     pub angle_tolerance: f64,
     /// Greatest joint speed at arrival (rad/s), norm over all joints.
     pub rest_speed: f64,
-    /// Further attempts with the arm's resting posture drawn anew.
-    pub restarts: usize,
-    /// How far (rad) the resting posture is drawn from the first one.
-    pub spread: f64,
 }
 
 impl PlannerConfig {
@@ -32,8 +27,6 @@ impl PlannerConfig {
             position_tolerance: 0.01,
             angle_tolerance: 0.09,
             rest_speed: 0.1,
-            restarts: 3,
-            spread: 0.5,
         }
     }
 }
@@ -124,20 +117,6 @@ pub fn flow(
     Some(plan)
 }
 
-/// A resting posture whose arm is drawn around `rest`, within the limits.
-pub fn other_rest(
-    fabric: &Fabric,
-    rest: &JointVector,
-    spread: f64,
-    rng: &mut impl Rng,
-) -> JointVector {
-    let mut q = *rest;
-    for i in 0..ARM {
-        q[i] += rng.random_range(-spread..=spread);
-    }
-    fabric.tree().limits.clamp(&q, 0.1)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -145,7 +124,7 @@ mod tests {
     use crate::terms::repulsion::Obstacle;
     use geometry::solid::Solid;
     use geometry::{Pose, Vec3};
-    use rand::SeedableRng;
+    use rand::{RngExt, SeedableRng};
     use rand_chacha::ChaCha8Rng;
     use robot::{Isometry, Tree, Vector};
 

@@ -25,17 +25,6 @@ impl Pull {
         Self { geometry: Spec::zero(), potential: robot::JointVector::zeros() }
     }
 
-    /// Adds a geometric term: `acceleration` is homogeneous of degree two in the task velocity.
-    pub fn add_geometric<const N: usize>(
-        &mut self,
-        jacobian: &SMatrix<f64, N, DOF>,
-        bias: &SVector<f64, N>,
-        metric: &SMatrix<f64, N, N>,
-        acceleration: &SVector<f64, N>,
-    ) {
-        self.geometry.add_pulled_back(jacobian, bias, metric, &-(metric * acceleration));
-    }
-
     /// Adds a forcing term. Its curvature J̇q̇ is of degree two and belongs to the geometry.
     pub fn add_forcing<const N: usize>(
         &mut self,
