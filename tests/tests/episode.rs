@@ -8,7 +8,7 @@ fn an_episode_replays_to_its_own_hash_and_is_refused_elsewhere() {
     let workcell = Workcell::new().unwrap();
     let object = Object::built_in("sugar_box").unwrap();
     let planner = Controller::Planner;
-    let mut attempt = Attempt::begin(&workcell, &object, "sugar_box", None, 3, planner).unwrap();
+    let mut attempt = Attempt::begin(&workcell, &object, "sugar_box", None, 0, planner).unwrap();
     let mut has_touched = false;
     while attempt.verdict().is_none() {
         attempt.tick(&workcell);
@@ -40,7 +40,7 @@ fn a_changed_target_changes_the_end() {
     let workcell = Workcell::new().unwrap();
     let object = Object::built_in("sugar_box").unwrap();
     let planner = Controller::Planner;
-    let mut attempt = Attempt::begin(&workcell, &object, "sugar_box", None, 3, planner).unwrap();
+    let mut attempt = Attempt::begin(&workcell, &object, "sugar_box", None, 0, planner).unwrap();
     for _ in 0..20 {
         attempt.tick(&workcell);
     }

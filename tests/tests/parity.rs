@@ -1,7 +1,7 @@
 //! The native side of `wasm/tests/parity.rs`: both are held to the recorded episode.
 //!
 //! A change of scene, robot, grasps or planner changes the recording; it is made anew by
-//! `ngf replay tests/golden/episode.json --record sugar_box --seed 3`.
+//! `ngf replay tests/golden/episode.json --record sugar_box --seed 0`.
 
 use geometry::object::Object;
 use rollout::{Attempt, Controller, Episode, Workcell};

@@ -8,6 +8,11 @@ use std::sync::Arc;
 /// Points that a hull keeps at most.
 const MAX_HULL_POINTS: usize = 256;
 
+/// How many units of distance queries make a metre. The engine's iterations end at absolute tolerances
+/// that are made for things of about one unit: in metres they stall on what a hand can hold, and a gap
+/// comes out wrong by centimetres. In centimetres it is right to a thousandth of itself.
+const FINE: f32 = 100.0;
+
 /// A convex solid at a place.
 #[derive(Clone)]
 pub struct Solid {
@@ -15,6 +20,8 @@ pub struct Solid {
     pub shape: SharedShape,
     /// Its place.
     pub pose: Pose,
+    /// The same shape, [`FINE`] times as large.
+    fine: SharedShape,
     /// Outward unit normals of a hull's faces and their distances from the origin, shape frame.
     faces: Arc<[(Vec3, f32)]>,
 }
@@ -33,12 +40,14 @@ pub struct Contact {
 impl Solid {
     /// A box by its half sizes (m).
     pub fn cuboid(half: Vec3) -> Self {
-        Self::new(SharedShape::cuboid(half.x, half.y, half.z))
+        let shape = |half: Vec3| SharedShape::cuboid(half.x, half.y, half.z);
+        Self::new(shape(half), shape(half * FINE))
     }
 
     /// A capsule along z: radius and half of its axis (m).
     pub fn capsule(radius: f32, half_length: f32) -> Self {
-        Self::new(SharedShape::capsule_z(half_length, radius))
+        let shape = |scale| SharedShape::capsule_z(half_length * scale, radius * scale);
+        Self::new(shape(1.0), shape(FINE))
     }
 
     /// The hull of a set of points; `None` if it spans no volume.
@@ -53,8 +62,10 @@ impl Solid {
             (normal, normal.dot(corner(t[0])))
         };
         let faces = hull.triangles.iter().map(face).collect();
+        let large = hull.vertices.iter().map(|vertex| *vertex * FINE).collect();
+        let fine = SharedShape::convex_mesh(large, &hull.triangles)?;
         let shape = SharedShape::convex_mesh(hull.vertices, &hull.triangles)?;
-        Some(Self { shape, pose: Pose::IDENTITY, faces })
+        Some(Self { shape, fine, pose: Pose::IDENTITY, faces })
     }
 
     /// A prism along z whose flat sides touch the cylinder of `radius` from outside; its ends are
@@ -76,8 +87,13 @@ impl Solid {
         Self::hull(&points)
     }
 
-    fn new(shape: SharedShape) -> Self {
-        Self { shape, pose: Pose::IDENTITY, faces: Arc::new([]) }
+    fn new(shape: SharedShape, fine: SharedShape) -> Self {
+        Self { shape, fine, pose: Pose::IDENTITY, faces: Arc::new([]) }
+    }
+
+    /// Its place among shapes that are [`FINE`] times as large.
+    fn fine_pose(&self) -> Pose {
+        Pose { translation: self.pose.translation * FINE, ..self.pose }
     }
 
     /// The same solid moved by `pose`, which maps its present frame to the new one.
@@ -87,15 +103,19 @@ impl Solid {
 
     /// Signed distance (m) to another solid, negative in penetration; `reach` where it is farther.
     pub fn gap(&self, other: &Self, reach: f32) -> f32 {
-        let contact = query::contact(&self.pose, &*self.shape, &other.pose, &*other.shape, reach);
-        contact.ok().flatten().map_or(reach, |contact| contact.dist.min(reach))
+        self.contact(other, reach).map_or(reach, |contact| contact.gap.min(reach))
     }
 
     /// Where this solid comes closest to, or deepest into, another one; `None` beyond `reach` (m).
     pub fn contact(&self, other: &Self, reach: f32) -> Option<Contact> {
-        let contact = query::contact(&self.pose, &*self.shape, &other.pose, &*other.shape, reach);
+        let (a, b) = (self.fine_pose(), other.fine_pose());
+        let contact = query::contact(&a, &*self.fine, &b, &*other.fine, reach * FINE);
         let contact = contact.ok().flatten()?;
-        Some(Contact { gap: contact.dist, point: contact.point2, outward: contact.normal2 })
+        Some(Contact {
+            gap: contact.dist / FINE,
+            point: contact.point2 / FINE,
+            outward: contact.normal2,
+        })
     }
 
     /// Signed distance (m) of a point from the surface, negative inside, and the outward direction there.
@@ -109,8 +129,8 @@ impl Solid {
         {
             return (gap, self.pose.rotation * normal);
         }
-        let projection = self.shape.project_point(&self.pose, point, false);
-        let offset = point - projection.point;
+        let projection = self.fine.project_point(&self.fine_pose(), point * FINE, false);
+        let offset = point - projection.point / FINE;
         let distance = offset.length();
         let inside = projection.is_inside && self.faces.is_empty();
         // Inside, the way out leads from the point to the surface.
@@ -153,5 +173,59 @@ mod tests {
         let prism = Solid::prism(0.012, 0.01, 0.008, 8).unwrap();
         let (gap, _) = prism.point_gap(Vec3::new(0.012, 0.0, 0.0));
         assert!(gap.abs() < 1e-6, "gap {gap}");
+    }
+
+    /// Points inside the faces of the sugar box's hull, with the faces' normals.
+    fn on_faces() -> (Vec<Vec3>, Vec<(Vec3, Vec3)>) {
+        let points = crate::object::Object::built_in("sugar_box").unwrap().parts.remove(0);
+        let hull = mesh::hull(&points, MAX_HULL_POINTS).unwrap();
+        let inside = |t: &[u32; 3]| {
+            let [a, b, c] = t.map(|i| hull.vertices[i as usize]);
+            let normal = (b - a).cross(c - a).normalize();
+            [[0.4, 0.3], [0.1, 0.1], [0.8, 0.1], [0.1, 0.8]]
+                .map(|[u, v]| (a + (b - a) * u + (c - a) * v, normal))
+        };
+        let places = hull.triangles.iter().flat_map(inside).collect();
+        (points, places)
+    }
+
+    #[test]
+    fn points_beside_a_face_are_as_far_as_they_are() {
+        let (points, places) = on_faces();
+        let solid = Solid::hull(&points).unwrap();
+        for (on, normal) in places {
+            for wanted in [0.0003f32, 0.002, 0.01, 0.05] {
+                let (gap, outward) = solid.point_gap(on + normal * wanted);
+                assert!((gap - wanted).abs() < 1e-4, "gap {gap}, wanted {wanted}");
+                let turn = outward.angle_between(normal);
+                assert!(turn < 0.1, "outward is {turn} rad off at {wanted} m");
+            }
+        }
+    }
+
+    #[test]
+    fn a_fingertip_beside_a_face_is_as_far_as_it_is() {
+        let (points, places) = on_faces();
+        let solid = Solid::hull(&points).unwrap();
+        let tip = Solid::prism(0.012, 0.01, 0.008, 8).unwrap();
+        let corners = tip.shape.as_convex_polyhedron().unwrap().points().to_vec();
+        for (k, (on, normal)) in places.into_iter().enumerate() {
+            for wanted in [0.0003f32, 0.002, 0.01, 0.05] {
+                let turn = |shift: f32| libm::sinf(k as f32 * 1.3 + shift);
+                let rotation =
+                    glamx::Quat::from_xyzw(turn(0.0), turn(1.0), turn(2.0), 0.5).normalize();
+                // The corner that comes closest is put over the point of the face.
+                let nearest = corners
+                    .iter()
+                    .map(|corner| rotation * *corner)
+                    .min_by(|a, b| a.dot(normal).total_cmp(&b.dot(normal)))
+                    .unwrap();
+                let place = Pose::from_parts(on + normal * wanted - nearest, rotation);
+                let contact = tip.moved(&place).contact(&solid, 0.1).unwrap();
+                assert!((contact.gap - wanted).abs() < 1e-4, "{} for {wanted}", contact.gap);
+                let turn = contact.outward.angle_between(normal);
+                assert!(turn < 0.1, "outward is {turn} rad off at {wanted} m");
+            }
+        }
     }
 }
