@@ -120,18 +120,14 @@ impl Camera {
         DepthImage { width: self.width, height: self.height, depth }
     }
 
-    /// The measured points in the world, pixel by pixel.
-    pub fn points(&self, image: &DepthImage) -> Vec<Vec3> {
-        image
-            .depth
-            .iter()
-            .enumerate()
-            .filter(|(_, depth)| **depth > 0.0)
-            .map(|(pixel, &depth)| {
-                let (column, row) = (pixel % self.width, pixel / self.width);
-                self.world_from_camera * (self.ray_direction(column as f32, row as f32) * depth)
-            })
-            .collect()
+    /// What each pixel measured, as points in the world.
+    pub fn points(&self, image: &DepthImage) -> Vec<Option<Vec3>> {
+        let point = |(pixel, &depth): (usize, &f32)| {
+            let (column, row) = (pixel % self.width, pixel / self.width);
+            let direction = self.ray_direction(column as f32, row as f32);
+            (depth > 0.0).then(|| self.world_from_camera * (direction * depth))
+        };
+        image.depth.iter().enumerate().map(point).collect()
     }
 
     /// Direction through the middle of a pixel, camera frame, with z = 1.
@@ -170,7 +166,7 @@ mod tests {
             let image = camera.render(&[wall(distance, 2.0)], None);
             let worst = image.depth.iter().map(|d| (d - distance).abs()).fold(0.0, f32::max);
             assert!(worst < 0.001, "wall at {distance} m: depth off by {worst} m");
-            let points = camera.points(&image);
+            let points: Vec<Vec3> = camera.points(&image).into_iter().flatten().collect();
             assert_eq!(points.len(), 160 * 120);
             let worst = points.iter().map(|p| (p.x - distance).abs()).fold(0.0, f32::max);
             assert!(worst < 0.001, "wall at {distance} m: points off by {worst} m");
@@ -180,7 +176,8 @@ mod tests {
     #[test]
     fn a_box_has_its_size_and_stands_upright() {
         let camera = camera();
-        let points = camera.points(&camera.render(&[wall(0.8, 0.1)], None));
+        let image = camera.render(&[wall(0.8, 0.1)], None);
+        let points: Vec<Vec3> = camera.points(&image).into_iter().flatten().collect();
         // A pixel is 5 mm wide at 0.8 m: the outermost middles of pixels lie inside the edge.
         let pixel = 0.8 / camera.focal;
         for reach in [Vec3::Y, Vec3::Z, Vec3::NEG_Y, Vec3::NEG_Z] {
@@ -210,7 +207,8 @@ mod tests {
         let camera = camera();
         for distance in [0.2, 1.7] {
             let image = camera.render(&[wall(distance, 2.0)], None);
-            assert!(camera.points(&image).is_empty(), "a wall at {distance} m was measured");
+            let measured = camera.points(&image).into_iter().flatten().count();
+            assert_eq!(measured, 0, "a wall at {distance} m was measured");
         }
     }
 }

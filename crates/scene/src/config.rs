@@ -108,6 +108,10 @@ pub struct Crop {
     pub max: [f32; 3],
     /// Points after thinning.
     pub num_points: usize,
+    /// Pixels, of the eight around a point, that must have a point close by.
+    pub neighbors: usize,
+    /// How close (m).
+    pub near: f32,
 }
 
 /// The robot in the scene.
