@@ -8,10 +8,7 @@ use crate::protocol::{
 use crate::statistics::Tally;
 use crate::upload::{self, Loaded};
 use geometry::Pose;
-use grasps::search;
 use js_sys::Float32Array;
-use rand::SeedableRng;
-use rand_chacha::ChaCha8Rng;
 use robot::rotation;
 use rollout::{Attempt, Controller, RolloutError, Workcell};
 use scene::config::CONTROL_PERIOD;
@@ -193,10 +190,9 @@ impl From<rollout::Phase> for Phase {
     }
 }
 
-/// The first thing that an attempt draws from its seed.
+/// Where an attempt from this seed finds the object.
 fn draw_pose(workcell: &Workcell, seed: u32) -> PlanarPose {
-    let mut rng = ChaCha8Rng::seed_from_u64(u64::from(seed));
-    let [x, y, yaw] = search::random_pose(&workcell.robot, &mut rng);
+    let [x, y, yaw] = rollout::pose_of_seed(&workcell.robot, u64::from(seed));
     PlanarPose { x, y, yaw }
 }
 

@@ -80,7 +80,7 @@ pub fn evaluate(
         object: name.to_owned(),
         attempts,
         lifted,
-        wilson95: wilson95(lifted, attempts),
+        wilson95: rollout::wilson95(lifted, attempts),
         failures,
         seed,
         scene_hash: scene::config::scene_hash(),
@@ -98,32 +98,5 @@ pub fn label(controller: &Controller) -> &'static str {
         Controller::Script => "no policy",
         Controller::Planner => "planner",
         Controller::Replay { .. } => "replay",
-    }
-}
-
-/// The Wilson 95 % interval of k successes in n trials.
-pub fn wilson95(k: usize, n: usize) -> [f64; 2] {
-    if n == 0 {
-        return [0.0, 1.0];
-    }
-    const Z: f64 = 1.959_963_984_540_054;
-    let (n, p) = (n as f64, k as f64 / n as f64);
-    let middle = p + Z * Z / (2.0 * n);
-    let spread = Z * libm::sqrt(p * (1.0 - p) / n + Z * Z / (4.0 * n * n));
-    let scale = 1.0 + Z * Z / n;
-    [((middle - spread) / scale).max(0.0), ((middle + spread) / scale).min(1.0)]
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn wilson_intervals_match_published_values() {
-        // Newcombe (1998), table I: 81 of 263 gives 0.2553 to 0.3662; 0 of 20 gives 0 to 0.1611.
-        let [low, high] = wilson95(81, 263);
-        assert!((low - 0.2553).abs() < 5e-5 && (high - 0.3662).abs() < 5e-5, "{low} {high}");
-        let [low, high] = wilson95(0, 20);
-        assert!(low == 0.0 && (high - 0.1611).abs() < 5e-5, "{low} {high}");
     }
 }

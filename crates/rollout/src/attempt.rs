@@ -7,7 +7,7 @@ use crate::workcell::{RolloutError, Workcell, built_in_grasps, object_hash};
 use geometry::object::Object;
 use geometry::{Pose, Vec3};
 use grasps::demonstration::{self, TrajectoryConfig};
-use grasps::{search, trial};
+use grasps::{Robot, search, trial};
 use policy::LATENT;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -78,6 +78,17 @@ pub struct Attempt {
 /// Distance (m) by which the approach may move the object.
 const APPROACH_SHIFT: f32 = 0.01;
 
+/// Where an attempt puts the object if it is not told: x, y (m), yaw (rad).
+pub fn pose_of_seed(robot: &Robot, seed: u64) -> [f32; 3] {
+    drawn_pose(robot, seed).0
+}
+
+/// The pose is the first thing that an attempt draws; the rest follows from the same generator.
+fn drawn_pose(robot: &Robot, seed: u64) -> ([f32; 3], ChaCha8Rng) {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    (search::random_pose(robot, &mut rng), rng)
+}
+
 impl Attempt {
     /// Draws the pose (unless given), takes the frame, encodes it, finds the start configuration.
     pub fn begin(
@@ -89,8 +100,7 @@ impl Attempt {
         controller: Controller,
     ) -> Result<Self, RolloutError> {
         let robot = &workcell.robot;
-        let mut rng = ChaCha8Rng::seed_from_u64(seed);
-        let drawn = search::random_pose(robot, &mut rng);
+        let (drawn, mut rng) = drawn_pose(robot, seed);
         let pose = pose.unwrap_or(drawn);
         let world_from_object = robot.config.upright(pose[0], pose[1], pose[2]);
         let cloud = look(workcell, object, &world_from_object, &mut rng);

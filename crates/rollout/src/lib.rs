@@ -6,10 +6,12 @@
 pub mod approach;
 pub mod attempt;
 pub mod episode;
+pub mod interval;
 pub mod verdict;
 pub mod workcell;
 
-pub use attempt::{Attempt, Controller, Phase};
+pub use attempt::{Attempt, Controller, Phase, pose_of_seed};
 pub use episode::Episode;
+pub use interval::wilson95;
 pub use verdict::{Failure, Verdict};
 pub use workcell::{RolloutError, Workcell};
