@@ -4,9 +4,11 @@ use crate::dataset::Dataset;
 use crate::nn::adam::{AdamW, schedule};
 use crate::nn::chamfer::Chamfer;
 use crate::nn::{Params, autoencoder as twin};
-use crate::shards::{Gradient, sum_over_shards};
+use crate::shards::{Gradient, differentiate};
 use crate::store;
 use anyhow::{Result, bail};
+use nalgebra::DMatrix;
+use policy::Whitening;
 use policy::encoder::LATENT;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -36,13 +38,8 @@ impl AutoencoderConfig {
     }
 }
 
-/// z of a set of clouds: mean and spread, for standardising.
-pub struct LatentScale {
-    /// Mean of each entry.
-    pub mean: Vec<f32>,
-    /// Spread of each entry, not less than a tenth of the largest one: what hardly varies is noise.
-    pub scale: Vec<f32>,
-}
+/// Spread along an axis, as a share of the largest one, below which an axis is taken for noise.
+const LEAST_SPREAD: f64 = 0.05;
 
 /// Trains on the dataset's clouds and writes `encoder.safetensors` to `out`; continues from a
 /// checkpoint that is there. `progress` gets step, steps, and the mean loss since the last call.
@@ -63,18 +60,19 @@ pub fn train(
     let checkpoint = out.join("encoder.checkpoint.safetensors");
     crate::checkpoint::load(&checkpoint, &params, &mut adam)?;
 
-    let mut values = params.values()?;
     let mut since = Vec::new();
     while adam.steps < config.steps {
         let mut rng = ChaCha8Rng::seed_from_u64(config.seed ^ (adam.steps + 1) << 20);
         let batch: Vec<&[f32]> = (0..config.batch)
             .map(|_| clouds[rng.random_range(0..clouds.len())].as_slice())
             .collect();
-        let gradient = sum_over_shards(&batch, config.shards, |part| loss(&params, part, config))?;
+        let gradients = differentiate(&batch, config.shards, |part| loss(&params, part, config))?;
         let rate = schedule(adam.steps, 200, config.steps, config.rate);
-        adam.step(&mut values, &gradient.values, rate, 1.0);
-        params.set_values(&values)?;
-        since.push(gradient.loss);
+        let norm = adam.step(&params, &gradients, rate, 1.0)?;
+        if !norm.is_finite() {
+            bail!("the loss is {} at step {}: lower the rate", gradients.loss(), adam.steps);
+        }
+        since.push(gradients.loss());
         if adam.steps.is_multiple_of(50) {
             progress(adam.steps, config.steps, since.iter().sum::<f32>() / since.len() as f32);
             since.clear();
@@ -83,14 +81,10 @@ pub fn train(
             crate::checkpoint::save(&checkpoint, &params, &adam)?;
         }
     }
-    let scale = latent_scale(&params, &clouds)?;
-    let mut tensors = params.save()?;
-    store::write(&out.join("encoder.safetensors"), &tensors)?;
-    tensors = store::encode(
-        &[("mean", vec![LATENT], &scale.mean), ("scale", vec![LATENT], &scale.scale)],
-        None,
-    )?;
-    store::write(&out.join("latent.safetensors"), &tensors)
+    let latents = encode_all(&params, &clouds[..clouds.len().min(20_000)])?;
+    store::write(&out.join("encoder.safetensors"), &params.save()?)?;
+    let whitening = store::encode(&whiten(&latents).tensors(), None)?;
+    store::write(&out.join("latent.safetensors"), &whitening)
 }
 
 /// Mean loss of a part of the batch and its gradient.
@@ -99,8 +93,8 @@ fn loss(params: &Params, clouds: &[&[f32]], config: &AutoencoderConfig) -> Resul
     let made = twin::decode(params, &z)?;
     let chamfer = made.apply_op2(&twin::targets(clouds)?, Chamfer)?.mean_all()?;
     let size = (z.sqr()?.mean_all()? * config.latent_weight)?;
-    let store = (&chamfer + size)?.backward()?;
-    Ok(Gradient { loss: chamfer.to_scalar::<f32>()?, values: params.gradients(&store)? })
+    let gradient = Gradient::of(&(&chamfer + size)?, params)?;
+    Ok(Gradient { loss: chamfer.to_scalar::<f32>()?, ..gradient })
 }
 
 /// z of clouds, not standardised.
@@ -113,16 +107,62 @@ pub fn encode_all(params: &Params, clouds: &[Vec<f32>]) -> Result<Vec<Vec<f32>>>
     Ok(latents)
 }
 
-fn latent_scale(params: &Params, clouds: &[Vec<f32>]) -> Result<LatentScale> {
-    let latents = encode_all(params, &clouds[..clouds.len().min(20_000)])?;
-    let count = latents.len() as f32;
-    let mean: Vec<f32> =
-        (0..LATENT).map(|i| latents.iter().map(|z| z[i]).sum::<f32>() / count).collect();
-    let spread = |i: usize| {
-        let square = |z: &Vec<f32>| (z[i] - mean[i]) * (z[i] - mean[i]);
-        (latents.iter().map(square).sum::<f32>() / count).sqrt()
-    };
-    let spreads: Vec<f32> = (0..LATENT).map(spread).collect();
-    let largest = spreads.iter().copied().fold(1e-6, f32::max);
-    Ok(LatentScale { mean, scale: spreads.iter().map(|s| s.max(0.1 * largest)).collect() })
+/// Mean, principal axes and spread of a set of z.
+pub fn whiten(latents: &[Vec<f32>]) -> Whitening {
+    let count = latents.len().max(1) as f64;
+    let rows = latents.iter().flat_map(|z| z.iter().map(|z| *z as f64));
+    let z = DMatrix::from_row_iterator(latents.len(), LATENT, rows);
+    let mean = z.row_sum() / count;
+    let centered = DMatrix::from_fn(z.nrows(), LATENT, |row, i| z[(row, i)] - mean[i]);
+    let eigen = (centered.transpose() * &centered / count).symmetric_eigen();
+    let mut order: Vec<usize> = (0..LATENT).collect();
+    order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
+    let spread = |i: usize| eigen.eigenvalues[i].max(0.0).sqrt();
+    let least = (LEAST_SPREAD * spread(order[0])).max(1e-6);
+    let axis = |&i: &usize| eigen.eigenvectors.column(i).iter().map(|x| *x as f32).collect();
+    Whitening {
+        mean: mean.iter().map(|x| *x as f32).collect(),
+        axes: order.iter().flat_map(|i| -> Vec<f32> { axis(i) }).collect(),
+        scale: order.iter().map(|&i| spread(i).max(least) as f32).collect(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn whitened_latents_have_unit_covariance() {
+        let mut rng = ChaCha8Rng::seed_from_u64(3);
+        // Each entry depends on those before it; the spreads differ by a factor of eight.
+        let draw = |_| {
+            let mut z: Vec<f32> = vec![0.0; LATENT];
+            for i in 0..LATENT {
+                let before = if i > 0 { z[i - 1] } else { 0.0 };
+                z[i] = 0.5 * before + (1.0 + (i % 8) as f32) * rng.random_range(-1.0..1.0) + 0.3;
+            }
+            z
+        };
+        let latents: Vec<Vec<f32>> = (0..4000).map(draw).collect();
+        let whitening = whiten(&latents);
+        let white: Vec<Vec<f32>> = latents.iter().map(|z| whitening.apply(z)).collect();
+        let mean = |f: &dyn Fn(&[f32]) -> f32| white.iter().map(|z| f(z)).sum::<f32>() / 4000.0;
+        for i in 0..LATENT {
+            for j in 0..=i {
+                let wanted = f32::from(i == j);
+                let covariance = mean(&|z| z[i] * z[j]);
+                assert!((covariance - wanted).abs() < 0.01, "{i}, {j}: {covariance}");
+            }
+        }
+    }
+
+    #[test]
+    fn what_does_not_vary_stays_small() {
+        let latents: Vec<Vec<f32>> = (0..100)
+            .map(|k| (0..LATENT).map(|i| if i == 4 { k as f32 } else { 1e-4 * k as f32 }).collect())
+            .collect();
+        let whitening = whiten(&latents);
+        let white = whitening.apply(&latents[99]);
+        assert!(white[0].abs() > 1.0 && white[1..].iter().all(|z| z.abs() < 0.01), "{white:?}");
+    }
 }

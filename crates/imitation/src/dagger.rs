@@ -4,14 +4,15 @@
 use crate::expert::{self, Demonstrations, Gains};
 use crate::nn::Params;
 use crate::nn::adam::{AdamW, schedule};
-use crate::nn::ngf::{self, Ngf};
-use crate::shards::{Gradient, sum_over_shards};
+use crate::nn::ngf::{self, Active, Ngf};
+use crate::shards::{Gradient, differentiate};
 use anyhow::{Result, bail};
 use candle_core::{Device, Tensor};
+use policy::head::TRIANGLE;
 use policy::ngf::NgfConfig;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use robot::{DOF, JointState, JointVector, Limits, integrator};
+use robot::{ARM, DOF, JointState, JointVector, Limits, integrator};
 use scene::config::CONTROL_PERIOD;
 use std::path::Path;
 
@@ -20,6 +21,9 @@ use std::path::Path;
 pub struct DaggerConfig {
     /// Optimiser steps.
     pub steps: u64,
+    /// Share of the steps, the first ones, that train F_ψ alone, at a quarter of the cost: where to go
+    /// is most of what there is to learn.
+    pub potential_share: f64,
     /// States a step, over all shards.
     pub batch: usize,
     /// Shards, one thread each.
@@ -28,10 +32,27 @@ pub struct DaggerConfig {
     pub rate: f32,
     /// Steps that a state is rolled out by the policy before it is drawn anew (H).
     pub horizon: usize,
-    /// Uniform noise on a drawn state: position (rad) and velocity (rad/s).
-    pub noise: [f64; 2],
+    /// Shares of the steps at which roll-outs begin to grow, from one step, and have their full length:
+    /// those of a policy that knows nothing lead where nothing can be learned.
+    pub growth: [f64; 2],
+    /// Uniform noise on a drawn state: position of arm and hand (rad), velocity (rad/s).
+    pub noise: [f64; 3],
+    /// Weight of the arm's joints in the loss, those of the hand having 1: what a radian there moves
+    /// the fingertips, it moves them several times as far.
+    pub arm_weight: f32,
+    /// Weight of the mean square of the metrics' entries.
+    ///
+    /// *Departure: Eq. 2 alone leaves the unit of mass open: metrics, potential and damping can grow
+    /// together without changing an acceleration. They did, a millionfold in 6,000 steps, and what was
+    /// learned drowned in it.*
+    pub metric_weight: f64,
+    /// Share of the drawn states that are what an attempt begins with: a start of the nearest other
+    /// object pose, at rest (paper §III-F).
+    pub start_share: f64,
     /// The expert.
     pub gains: Gains,
+    /// Distance (rad, norm) that the expert looks ahead at least: times k_p / k_d, its least speed.
+    pub lead: f64,
     /// Sizes and scales of the networks.
     pub ngf: NgfConfig,
     /// Seed of weights, states and noise.
@@ -42,24 +63,44 @@ impl DaggerConfig {
     /// Full size.
     pub fn standard() -> Self {
         Self {
-            steps: 30_000,
+            steps: 80_000,
+            potential_share: 0.8,
             batch: 128,
             shards: 2,
             rate: 1e-3,
             horizon: 30,
-            noise: [0.05, 0.1],
+            growth: [0.3, 0.7],
+            noise: [0.03, 0.05, 0.1],
+            arm_weight: 2.0,
+            metric_weight: 10.0,
+            start_share: 0.15,
             gains: Gains { position: 225.0, velocity: 30.0 },
+            lead: 0.12,
             ngf: NgfConfig::paper(),
             seed: 0,
         }
     }
 }
 
+/// Distance (rad, norm) from the nearest demonstration at which a roll-out is given up.
+const STRAYED: f64 = 0.6;
+
+impl DaggerConfig {
+    /// The share of their full length that roll-outs have after `step` steps.
+    fn grown(&self, step: u64) -> f64 {
+        let [begin, end] = self.growth.map(|share| share * self.steps as f64);
+        ((step as f64 - begin) / (end - begin).max(1.0)).clamp(0.0, 1.0)
+    }
+}
+
+/// Steps of a roll-out that begins where an attempt does.
+const START_HORIZON: usize = 90;
+
 /// What the policy learns from: the demonstrations of one object pose and z of its clouds.
 pub struct Lesson {
     /// Demonstrations.
     pub demonstrations: Demonstrations,
-    /// Standardised z of each noisy cloud of the pose.
+    /// Whitened z of each noisy cloud of the pose.
     pub latents: Vec<Vec<f32>>,
 }
 
@@ -69,9 +110,6 @@ struct Visit {
     lesson: usize,
     latent: usize,
     state: JointState,
-    /// Row of the demonstration that the expert heads for next, and one past its end.
-    target: usize,
-    end: usize,
     left: usize,
 }
 
@@ -87,9 +125,7 @@ pub fn train(
     if !lessons.iter().any(|lesson| lesson.demonstrations.trajectories() > 0) {
         bail!("there are no demonstrations to learn from");
     }
-    let taught: Vec<usize> = (0..lessons.len())
-        .filter(|&i| lessons[i].demonstrations.trajectories() > 0 && !lessons[i].latents.is_empty())
-        .collect();
+    let class = Class::new(lessons);
     let mut rng = ChaCha8Rng::seed_from_u64(config.seed);
     let mut params = Params::default();
     ngf::init(&mut params, &config.ngf, &mut rng)?;
@@ -102,32 +138,36 @@ pub fn train(
     let mut visits: Vec<Visit> = (0..config.batch)
         .map(|i| {
             // Horizons are staggered, so that a batch holds states of every age.
-            let mut visit = draw(lessons, &taught, config, &mut rng);
-            visit.left = 1 + i % config.horizon;
+            let mut visit = class.draw(config, config.grown(adam.steps), &mut rng);
+            visit.left = 1 + i % visit.left;
             visit
         })
         .collect();
-    let mut values = params.values()?;
     let mut since = Vec::new();
     while adam.steps < config.steps {
         let batch: Vec<(Visit, std::sync::Mutex<JointVector>)> = visits
             .iter()
             .map(|visit| (*visit, std::sync::Mutex::new(JointVector::zeros())))
             .collect();
-        let gradient = sum_over_shards(&batch, config.shards, |part| {
-            loss(&network, &params, lessons, config, part)
+        let is_early = (adam.steps as f64) < config.potential_share * config.steps as f64;
+        let active = if is_early { Active::Potential } else { Active::All };
+        let gradients = differentiate(&batch, config.shards, |part| {
+            loss(&network, &params, lessons, config, active, part)
         })?;
         let rate = schedule(adam.steps, 500, config.steps, config.rate);
-        adam.step(&mut values, &gradient.values, rate, 10.0);
-        params.set_values(&values)?;
+        let norm = adam.step(&params, &gradients, rate, 10.0)?;
+        if !norm.is_finite() {
+            bail!("the loss is {} at step {}: lower the rate", gradients.loss(), adam.steps);
+        }
         for (visit, (_, qdd)) in visits.iter_mut().zip(&batch) {
             let qdd = qdd.lock().map(|qdd| *qdd).unwrap_or_default();
-            advance(visit, &qdd);
+            visit.state = integrator::step(&visit.state, &qdd, CONTROL_PERIOD);
+            visit.left -= 1;
             if visit.left == 0 || !is_near(visit, lessons) {
-                *visit = draw(lessons, &taught, config, &mut rng);
+                *visit = class.draw(config, config.grown(adam.steps), &mut rng);
             }
         }
-        since.push(gradient.loss);
+        since.push(gradients.loss());
         if adam.steps.is_multiple_of(1000) {
             crate::checkpoint::save(&checkpoint, &params, &adam)?;
         }
@@ -143,80 +183,108 @@ pub fn train(
     Ok(params)
 }
 
-/// A noisy state of a random demonstration, on its way along the nearest one.
-fn draw(
-    lessons: &[Lesson],
-    taught: &[usize],
-    config: &DaggerConfig,
-    rng: &mut ChaCha8Rng,
-) -> Visit {
-    let lesson = taught[rng.random_range(0..taught.len())];
-    let Lesson { demonstrations, latents } = &lessons[lesson];
-    let (first, end) = demonstrations.span(rng.random_range(0..demonstrations.trajectories()));
-    let row = rng.random_range(first..end);
-    let mut state = demonstrations.state(row);
-    let [position, velocity] = config.noise;
-    state.q += JointVector::from_fn(|_, _| rng.random_range(-position..=position));
-    state.qd += JointVector::from_fn(|_, _| rng.random_range(-velocity..=velocity));
-    let (nearest, end) = demonstrations.nearest(&state);
-    // Departure: Eq. 1 heads for the next row, but a follower under Eq. 1 stays some rows behind its
-    // target. Heading so many rows further makes a drawn state and one under way agree on what to do.
-    let ahead = config.gains.lag_rows(CONTROL_PERIOD).max(1);
-    let latent = rng.random_range(0..latents.len());
-    Visit {
-        lesson,
-        latent,
-        state,
-        target: (nearest + ahead).min(end - 1),
-        end,
-        left: config.horizon,
+/// The lessons that there is something to learn from.
+struct Class<'a> {
+    lessons: &'a [Lesson],
+    taught: Vec<usize>,
+    /// For each of these, the one with the nearest z.
+    neighbors: Vec<usize>,
+}
+
+impl<'a> Class<'a> {
+    fn new(lessons: &'a [Lesson]) -> Self {
+        let is_full = |lesson: &Lesson| {
+            lesson.demonstrations.trajectories() > 0 && !lesson.latents.is_empty()
+        };
+        let taught: Vec<usize> = (0..lessons.len()).filter(|&i| is_full(&lessons[i])).collect();
+        let distance = |a: usize, b: usize| -> f32 {
+            let pairs = lessons[a].latents[0].iter().zip(&lessons[b].latents[0]);
+            pairs.map(|(a, b)| (a - b) * (a - b)).sum()
+        };
+        let nearest = |&i: &usize| {
+            let others = taught.iter().copied().filter(|&other| other != i);
+            others.min_by(|&a, &b| distance(i, a).total_cmp(&distance(i, b))).unwrap_or(i)
+        };
+        let neighbors = taught.iter().map(nearest).collect();
+        Self { lessons, taught, neighbors }
+    }
+
+    /// A start of the neighbour or a noisy state of a random demonstration; `grown` is the share of
+    /// their full length that roll-outs have by now.
+    fn draw(&self, config: &DaggerConfig, grown: f64, rng: &mut ChaCha8Rng) -> Visit {
+        let length = |full: usize| 1 + (grown * (full.max(1) - 1) as f64) as usize;
+        let place = rng.random_range(0..self.taught.len());
+        let lesson = self.taught[place];
+        let latent = rng.random_range(0..self.lessons[lesson].latents.len());
+        if rng.random::<f64>() < grown * config.start_share {
+            let neighbor = &self.lessons[self.neighbors[place]].demonstrations;
+            let (first, _) = neighbor.span(rng.random_range(0..neighbor.trajectories()));
+            let state = JointState::at_rest(neighbor.state(first).q);
+            let visit = Visit { lesson, latent, state, left: length(START_HORIZON) };
+            // A neighbour that is grasped in another way is no place to begin from.
+            if is_near(&visit, self.lessons) {
+                return visit;
+            }
+        }
+        let demonstrations = &self.lessons[lesson].demonstrations;
+        let (first, end) = demonstrations.span(rng.random_range(0..demonstrations.trajectories()));
+        let mut state = demonstrations.state(rng.random_range(first..end));
+        let [arm, hand, velocity] = config.noise;
+        let position = |joint: usize| if joint < ARM { arm } else { hand };
+        state.q += JointVector::from_fn(|i, _| rng.random_range(-position(i)..=position(i)));
+        state.qd += JointVector::from_fn(|_, _| rng.random_range(-velocity..=velocity));
+        Visit { lesson, latent, state, left: length(config.horizon) }
     }
 }
 
-fn advance(visit: &mut Visit, qdd: &JointVector) {
-    visit.state = integrator::step(&visit.state, qdd, CONTROL_PERIOD);
-    // The last row repeats: the expert learns to stay.
-    visit.target = (visit.target + 1).min(visit.end - 1);
-    visit.left -= 1;
-}
-
-/// Whether the state is still so close to its demonstration that the expert makes sense.
+/// Whether the state is still so close to its demonstrations that the expert makes sense.
 fn is_near(visit: &Visit, lessons: &[Lesson]) -> bool {
-    let target = lessons[visit.lesson].demonstrations.state(visit.target);
-    let distance = (visit.state.q - target.q).norm();
-    distance.is_finite() && distance < 1.0
+    let demonstrations = &lessons[visit.lesson].demonstrations;
+    let (nearest, _) = demonstrations.nearest(&visit.state.q);
+    let distance = (visit.state.q - demonstrations.state(nearest).q).norm();
+    distance.is_finite() && distance < STRAYED
 }
 
-/// Eq. 2: the mean norm of the difference to the expert, and its gradient; leaves the policy's
+/// Eq. 2: the mean weighted norm of the difference to the expert, and its gradient; leaves the policy's
 /// accelerations with the visits.
 fn loss(
     network: &Ngf,
     params: &Params,
     lessons: &[Lesson],
     config: &DaggerConfig,
+    active: Active,
     part: &[(Visit, std::sync::Mutex<JointVector>)],
 ) -> Result<Gradient> {
     let states: Vec<JointState> = part.iter().map(|(visit, _)| visit.state).collect();
     let z: Vec<&[f32]> =
         part.iter().map(|(v, _)| lessons[v.lesson].latents[v.latent].as_slice()).collect();
-    let made = network.accelerations(params, &states, &z)?;
+    let outputs = network.outputs(params, &states, &z, active)?;
+    let made = Ngf::resolve(&outputs, &states)?;
+    let rows = config.gains.lag_rows(CONTROL_PERIOD).max(1);
     let wanted: Vec<f32> = part
         .iter()
         .flat_map(|(visit, _)| {
-            let target = lessons[visit.lesson].demonstrations.state(visit.target).q;
+            let target =
+                lessons[visit.lesson].demonstrations.target(&visit.state, rows, config.lead);
             let qdd = expert::acceleration(&config.gains, &target, &visit.state);
             qdd.iter().map(|x| *x as f32).collect::<Vec<_>>()
         })
         .collect();
     let wanted = Tensor::from_vec(wanted, (part.len(), DOF), &Device::Cpu)?;
     // The small addend keeps the norm's gradient finite where policy and expert agree.
-    let norms = ((&made - wanted)?.sqr()?.sum(1)? + 1e-6)?.sqrt()?;
+    let weights: Vec<f32> =
+        (0..DOF).map(|i| if i < ARM { config.arm_weight } else { 1.0 }).collect();
+    let weights = Tensor::from_vec(weights, (1, DOF), &Device::Cpu)?;
+    let off = (&made - wanted)?.broadcast_mul(&weights)?;
+    let norms = (off.sqr()?.sum(1)? + 1e-6)?.sqrt()?;
     let loss = norms.mean_all()?;
-    let store = loss.backward()?;
+    let metrics = outputs.narrow(1, 0, 2 * TRIANGLE)?.sqr()?.mean_all()?;
+    let total = (&loss + metrics * config.metric_weight)?;
     for ((_, qdd), row) in part.iter().zip(made.to_vec2::<f32>()?) {
         if let Ok(mut qdd) = qdd.lock() {
             *qdd = JointVector::from_fn(|i, _| row[i] as f64);
         }
     }
-    Ok(Gradient { loss: loss.to_scalar::<f32>()?, values: params.gradients(&store)? })
+    let gradient = Gradient::of(&total, params)?;
+    Ok(Gradient { loss: loss.to_scalar::<f32>()?, ..gradient })
 }

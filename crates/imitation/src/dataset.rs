@@ -8,7 +8,7 @@ use anyhow::{Context, Result, bail};
 use geometry::object::Object;
 use grasps::demonstration::{self, Demonstration, TrajectoryConfig};
 use grasps::search::{GraspSet, SearchConfig, search};
-use grasps::{Posture, Robot, trial};
+use grasps::{Posture, Robot};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
@@ -56,7 +56,7 @@ impl DatasetConfig {
         match name {
             "tiny" => Some(Self { objects: names(&["sugar_box"]), ..sized(2, 2, 20) }),
             "small" => Some(sized(48, 32, 1000)),
-            "shipped" => Some(sized(400, 8, 6000)),
+            "shipped" => Some(Self { clouds: 8, ..sized(600, 4, 6000) }),
             _ => None,
         }
     }
@@ -77,6 +77,15 @@ pub struct PoseRecord {
     pub counts: BTreeMap<String, usize>,
 }
 
+impl PoseRecord {
+    fn push(&mut self, demonstration: &Demonstration) {
+        for state in &demonstration.states {
+            self.states.extend(state.q.iter().chain(state.qd.iter()).map(|x| *x as f32));
+        }
+        self.offsets.push(self.states.len() / (2 * robot::DOF));
+    }
+}
+
 /// A dataset folder.
 pub struct Dataset {
     /// Where it lies.
@@ -84,6 +93,12 @@ pub struct Dataset {
     /// What it holds.
     pub config: DatasetConfig,
 }
+
+/// Object poses that are worked on in order before the next ones.
+const BLOCK: usize = 16;
+
+/// Attempts without success after which the next grasp is tried.
+const HOPELESS: usize = 3;
 
 /// Clouds in one file of the encoder's data.
 const CLOUDS_PER_FILE: usize = 100;
@@ -124,22 +139,26 @@ impl Dataset {
     ) -> Result<()> {
         let eye = Eye::new(&robot.config, &robot.tree);
         self.generate_clouds(&eye, robot, progress)?;
+        let mut subjects = Vec::new();
         for name in &self.config.objects {
             let object = built_in(name)?;
             let grasps = self.grasps(robot, name, &object, progress)?;
-            let done = AtomicUsize::new(0);
-            (0..self.config.poses).into_par_iter().try_for_each(|index| -> Result<()> {
-                let path = self.pose_path(name, index);
-                if !path.exists() {
-                    let record = self.make_pose(robot, &eye, name, &object, &grasps, index)?;
-                    store::write(&path, &store::encode_pose(&record)?)?;
-                }
-                let done = done.fetch_add(1, Ordering::Relaxed) + 1;
-                progress(&format!("{name}: demonstrations"), done, self.config.poses);
-                Ok(())
-            })?;
+            subjects.push((name, object, grasps));
         }
-        Ok(())
+        // All objects at one pose after another: what is there of an unfinished dataset is balanced.
+        let (done, total) = (AtomicUsize::new(0), self.config.poses * subjects.len());
+        let work: Vec<usize> = (0..total).collect();
+        work.par_iter().by_uniform_blocks(BLOCK).try_for_each(|i| -> Result<()> {
+            let (name, object, grasps) = &subjects[i % subjects.len()];
+            let path = self.pose_path(name, i / subjects.len());
+            if !path.exists() {
+                let index = i / subjects.len();
+                let record = self.make_pose(robot, &eye, name, object, grasps, index)?;
+                store::write(&path, &store::encode_pose(&record)?)?;
+            }
+            progress("demonstrations", done.fetch_add(1, Ordering::Relaxed) + 1, total);
+            Ok(())
+        })
     }
 
     /// The grasps of an object: those of the project, or found by search and kept.
@@ -218,36 +237,68 @@ impl Dataset {
             .collect();
         let mut record =
             PoseRecord { pose, states: vec![], offsets: vec![0], clouds, counts: BTreeMap::new() };
-        let mut count = |what: String| *record.counts.entry(what).or_insert(0) += 1;
-        let Some(posture) = first_working(robot, object, &world_from_object, grasps)? else {
-            count("no grasp in reach".into());
-            return Ok(record);
-        };
-        let palm = robot.tree.kinematics(&posture.touch).palm();
-        let config = TrajectoryConfig::standard();
-        let mut kept: Vec<Demonstration> = Vec::new();
-        for _ in 0..2 * self.config.trajectories {
-            if kept.len() == self.config.trajectories {
+        let options = robot.options(&grasps.grasps, object, &world_from_object);
+        if options.is_empty() {
+            record.counts.insert("no grasp in reach".into(), 1);
+        }
+        for (_, posture) in options {
+            let kept = self.try_posture(
+                robot,
+                object,
+                &world_from_object,
+                &posture,
+                &mut rng,
+                &mut record,
+            )?;
+            if kept > 0 {
                 break;
             }
-            let place = &world_from_object;
-            let target = demonstration::draw_target(robot, object, place, &palm, &mut rng);
-            match demonstration::demonstrate(robot, object, place, &posture, &target, &config) {
-                Err(flaw) => count(format!("{flaw:?}")),
-                Ok(found) if demonstration::replays(robot, object, place, &found, 0.5)? => {
-                    count("lifted".into());
-                    kept.push(found);
-                }
-                Ok(_) => count("NotLifted".into()),
-            }
-        }
-        for demonstration in kept {
-            for state in &demonstration.states {
-                record.states.extend(state.q.iter().chain(state.qd.iter()).map(|x| *x as f32));
-            }
-            record.offsets.push(record.states.len() / (2 * robot::DOF));
         }
         Ok(record)
+    }
+
+    /// Demonstrations of one posture, each replayed by physics; gives up on a posture that does not
+    /// work at once. Gives the number kept.
+    fn try_posture(
+        &self,
+        robot: &Robot,
+        object: &Object,
+        world_from_object: &geometry::Pose,
+        posture: &Posture,
+        rng: &mut ChaCha8Rng,
+        record: &mut PoseRecord,
+    ) -> Result<usize> {
+        let palm = robot.tree.kinematics(&posture.touch).palm();
+        let config = TrajectoryConfig::standard();
+        let mut kept = 0;
+        for attempt in 0..2 * self.config.trajectories {
+            if kept == self.config.trajectories || (kept == 0 && attempt == HOPELESS) {
+                break;
+            }
+            let target = demonstration::draw_target(robot, object, world_from_object, &palm, rng);
+            let found = demonstration::demonstrate(
+                robot,
+                object,
+                world_from_object,
+                posture,
+                &target,
+                &config,
+            );
+            let what = match found {
+                Err(flaw) => format!("{flaw:?}"),
+                Ok(found) => {
+                    if demonstration::replays(robot, object, world_from_object, &found, 0.5)? {
+                        record.push(&found);
+                        kept += 1;
+                        "lifted".into()
+                    } else {
+                        "NotLifted".into()
+                    }
+                }
+            };
+            *record.counts.entry(what).or_insert(0) += 1;
+        }
+        Ok(kept)
     }
 
     /// Reads the record of one pose.
@@ -293,23 +344,6 @@ pub fn built_in(name: &str) -> Result<Object> {
     let known: Vec<&str> = geometry::object::BUILT_IN.iter().map(|(name, _)| *name).collect();
     Object::built_in(name)
         .with_context(|| format!("there is no object named {name}; known are {}", known.join(", ")))
-}
-
-/// The grasp with the least arm motion that lifts at this pose.
-fn first_working(
-    robot: &Robot,
-    object: &Object,
-    world_from_object: &geometry::Pose,
-    grasps: &GraspSet,
-) -> Result<Option<Posture>> {
-    for (_, posture) in robot.options(&grasps.grasps, object, world_from_object) {
-        let (config, tree) = (&robot.config, &robot.tree);
-        let outcome = trial::try_grasp(config, tree, object, world_from_object, &posture, 0.5)?;
-        if matches!(outcome, trial::TrialOutcome::Lifted { .. }) {
-            return Ok(Some(posture));
-        }
-    }
-    Ok(None)
 }
 
 /// The index-th pose of a sequence that fills workspace and yaw evenly (Kronecker, with the roots of

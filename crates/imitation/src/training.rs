@@ -7,25 +7,26 @@ use crate::expert::Demonstrations;
 use crate::nn::{Params, autoencoder as twin};
 use crate::store;
 use anyhow::{Context, Result};
+use policy::Whitening;
 use policy::encoder::LATENT;
 use policy::model::ModelConfig;
+use policy::weights::Tensors;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
-use robot::{DOF, JointState, Tree, integrator};
+use robot::{DOF, JointState, JointVector, Tree, integrator};
 use safetensors::SafeTensors;
 use scene::config::CONTROL_PERIOD;
 use std::path::Path;
 
-/// A trained encoder with the scale of its z.
+/// A trained encoder with the whitening of its z.
 pub struct TrainedEncoder {
     /// Weights of encoder and decoder.
     pub params: Params,
-    mean: Vec<f32>,
-    scale: Vec<f32>,
+    whitening: Whitening,
 }
 
 /// Start configurations that the model keeps of each object pose.
-const STARTS_PER_POSE: usize = 8;
+const STARTS_PER_POSE: usize = 2;
 
 /// Every tenth object pose is held out.
 pub fn is_held_out(index: usize) -> bool {
@@ -44,20 +45,14 @@ impl TrainedEncoder {
         twin::init(&mut params, &mut ChaCha8Rng::seed_from_u64(0))?;
         params.restore(&read("encoder.safetensors")?)?;
         let bytes = read("latent.safetensors")?;
-        let latent = SafeTensors::deserialize(&bytes)?;
-        let (mean, scale) = (store::values(&latent, "mean")?, store::values(&latent, "scale")?);
-        Ok(Self { params, mean, scale })
+        let whitening = Whitening::load(&Tensors::parse(&bytes)?)?;
+        Ok(Self { params, whitening })
     }
 
-    /// Standardised z of clouds.
+    /// Whitened z of clouds.
     pub fn encode(&self, clouds: &[Vec<f32>]) -> Result<Vec<Vec<f32>>> {
-        let mut latents = encode_all(&self.params, clouds)?;
-        for z in &mut latents {
-            for ((z, mean), scale) in z.iter_mut().zip(&self.mean).zip(&self.scale) {
-                *z = (*z - mean) / scale;
-            }
-        }
-        Ok(latents)
+        let latents = encode_all(&self.params, clouds)?;
+        Ok(latents.iter().map(|z| self.whitening.apply(z)).collect())
     }
 }
 
@@ -77,6 +72,18 @@ pub fn lessons(dataset: &Dataset, encoder: &TrainedEncoder) -> Result<(Vec<Lesso
         }
     }
     Ok((taught, held_out))
+}
+
+/// The mean configuration (rad) of all demonstrations.
+pub fn mean_configuration(lessons: &[Lesson]) -> [f64; DOF] {
+    let mut sum = JointVector::zeros();
+    let mut rows = 0;
+    for Lesson { demonstrations, .. } in lessons {
+        sum +=
+            (0..demonstrations.rows()).map(|row| demonstrations.state(row).q).sum::<JointVector>();
+        rows += demonstrations.rows();
+    }
+    (sum / rows.max(1) as f64).into()
 }
 
 /// Writes `weights.safetensors`, `starts.safetensors` and `config.json` to `out`.
@@ -100,8 +107,8 @@ pub fn model_files(
     config: &DaggerConfig,
     lessons: &[Lesson],
 ) -> Result<(Vec<u8>, Vec<u8>, Vec<u8>)> {
-    let more = [("latent.mean", encoder.mean.clone()), ("latent.scale", encoder.scale.clone())];
-    let weights = merge(&[encoder.params.export(&more)?, policy.export(&[])?])?;
+    let whitening = encoder.whitening.tensors();
+    let weights = merge(&[encoder.params.export(&whitening)?, policy.export(&[])?])?;
     let (mut z, mut q) = (Vec::new(), Vec::new());
     for lesson in lessons {
         for trajectory in 0..lesson.demonstrations.trajectories().min(STARTS_PER_POSE) {

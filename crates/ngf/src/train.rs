@@ -41,6 +41,9 @@ pub(crate) struct Run {
     /// Batch size instead of the standard one.
     #[arg(long)]
     batch: Option<usize>,
+    /// Peak learning rate instead of the standard one.
+    #[arg(long)]
+    rate: Option<f32>,
     /// Learn from this many object poses only.
     #[arg(long)]
     poses: Option<usize>,
@@ -54,6 +57,9 @@ const ENVIRONMENT: [(&str, &str); 4] = [
     ("MALLOC_TRIM_THRESHOLD_", "8589934592"),
     ("MALLOC_TOP_PAD_", "268435456"),
 ];
+
+/// Steps between two looks at free roll-outs.
+const EVALUATION: u64 = 5000;
 
 pub(crate) fn run(options: &Options) -> Result<()> {
     if ENVIRONMENT.iter().any(|(name, value)| std::env::var(name).as_deref() != Ok(value)) {
@@ -76,6 +82,7 @@ fn encoder(run: &Run) -> Result<()> {
         AutoencoderConfig { shards: run.threads, seed: run.seed, ..AutoencoderConfig::standard() };
     config.steps = run.steps.unwrap_or(config.steps);
     config.batch = run.batch.unwrap_or(config.batch);
+    config.rate = run.rate.unwrap_or(config.rate);
     let began = Instant::now();
     autoencoder::train(&Dataset::open(&run.data)?, &config, &run.out, &mut |step, steps, loss| {
         let rate = step as f64 / began.elapsed().as_secs_f64();
@@ -88,12 +95,14 @@ fn policy(run: &Run) -> Result<()> {
         DaggerConfig { shards: run.threads, seed: run.seed, ..DaggerConfig::standard() };
     config.steps = run.steps.unwrap_or(config.steps);
     config.batch = run.batch.unwrap_or(config.batch);
+    config.rate = run.rate.unwrap_or(config.rate);
     let tree = Tree::iiwa7_allegro()?;
     let mut dataset = Dataset::open(&run.data)?;
     dataset.config.poses = run.poses.unwrap_or(dataset.config.poses).min(dataset.config.poses);
     let encoder = TrainedEncoder::load(&run.out)?;
     let (taught, held_out) = training::lessons(&dataset, &encoder)?;
     println!("{} object poses to learn from, {} held out", taught.len(), held_out.len());
+    config.ngf.rest = training::mean_configuration(&taught);
     store::write(&run.out.join("dagger.json"), &serde_json::to_vec_pretty(&config)?)?;
 
     let began = Instant::now();
@@ -107,7 +116,7 @@ fn policy(run: &Run) -> Result<()> {
             let first = *first.get_or_insert(step);
             let rate = (step - first) as f64 / began.elapsed().as_secs_f64();
             println!("policy {step}/{steps}  loss {loss:.3} rad/s²  {rate:.2} steps/s");
-            if step % 1000 == 0 {
+            if step % EVALUATION == 0 {
                 let (weights, _, _) = training::model_files(&encoder, params, &config, &[])?;
                 let tensors = ::policy::weights::Tensors::parse(&weights)?;
                 let ngf = ::policy::Ngf::load(&tensors, &config.ngf, &tree.limits)?;

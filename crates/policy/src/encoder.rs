@@ -5,8 +5,9 @@
 //! neighbourhoods: z depends on which points come first, but neither on their order nor on that of the
 //! others (where no two points are equally far from a centre).
 
-use crate::mlp::{Mlp, elu};
+use crate::mlp::{Activation, Mlp};
 use crate::weights::{Tensors, WeightsError};
+use crate::whitening::Whitening;
 use geometry::Vec3;
 
 /// Length of z.
@@ -33,22 +34,23 @@ pub const READOUT_WIDTHS: [usize; 3] = [256, 128, LATENT];
 /// Widths of the decoder.
 pub const DECODER_WIDTHS: [usize; 4] = [LATENT, 256, 256, 3 * CLOUD];
 
-/// The encoder with its standardisation of z.
+/// What stands between the layers: PointNet's.
+pub const RELU: Activation = Activation::Relu;
+
+/// The encoder with the whitening of z.
 #[derive(Clone, Debug)]
 pub struct Encoder {
     local: Mlp,
     global: Mlp,
     readout: Mlp,
-    mean: Vec<f32>,
-    scale: Vec<f32>,
+    whitening: Whitening,
 }
 
 /// The decoder: z -> 512 points.
 #[derive(Clone, Debug)]
 pub struct Decoder {
     mlp: Mlp,
-    mean: Vec<f32>,
-    scale: Vec<f32>,
+    whitening: Whitening,
 }
 
 /// Neighbourhoods of a cloud: for each centre the indices of its nearest points.
@@ -83,22 +85,19 @@ pub fn global_position(point: Vec3) -> [f32; 3] {
 }
 
 impl Encoder {
-    /// Reads the encoder's layers and the mean and scale of z.
+    /// Reads the encoder's layers and the whitening of z.
     pub fn load(tensors: &Tensors) -> Result<Self, WeightsError> {
         Ok(Self {
-            local: Mlp::load(tensors, "encoder.local", &LOCAL_WIDTHS)?,
-            global: Mlp::load(tensors, "encoder.global", &GLOBAL_WIDTHS)?,
-            readout: Mlp::load(tensors, "encoder.readout", &READOUT_WIDTHS)?,
-            mean: tensors.get("latent.mean", &[LATENT])?,
-            scale: tensors.get("latent.scale", &[LATENT])?,
+            local: Mlp::load(tensors, "encoder.local", &LOCAL_WIDTHS, RELU)?,
+            global: Mlp::load(tensors, "encoder.global", &GLOBAL_WIDTHS, RELU)?,
+            readout: Mlp::load(tensors, "encoder.readout", &READOUT_WIDTHS, RELU)?,
+            whitening: Whitening::load(tensors)?,
         })
     }
 
-    /// z of a cloud in farthest-point order, standardised; `None` if the cloud is empty.
+    /// z of a cloud in farthest-point order, whitened; `None` if the cloud is empty.
     pub fn encode(&self, cloud: &[Vec3]) -> Option<Vec<f32>> {
-        let z = self.raw(cloud)?;
-        let standard = |((z, mean), scale): ((&f32, &f32), &f32)| (z - mean) / scale;
-        Some(z.iter().zip(&self.mean).zip(&self.scale).map(standard).collect())
+        Some(self.whitening.apply(&self.raw(cloud)?))
     }
 
     /// z as the autoencoder knows it.
@@ -123,24 +122,17 @@ impl Encoder {
 }
 
 impl Decoder {
-    /// Reads the decoder's layers and the mean and scale of z.
+    /// Reads the decoder's layers and the whitening of z.
     pub fn load(tensors: &Tensors) -> Result<Self, WeightsError> {
         Ok(Self {
-            mlp: Mlp::load(tensors, "decoder", &DECODER_WIDTHS)?,
-            mean: tensors.get("latent.mean", &[LATENT])?,
-            scale: tensors.get("latent.scale", &[LATENT])?,
+            mlp: Mlp::load(tensors, "decoder", &DECODER_WIDTHS, RELU)?,
+            whitening: Whitening::load(tensors)?,
         })
     }
 
-    /// The cloud that a standardised z stands for.
+    /// The cloud that a whitened z stands for.
     pub fn decode(&self, z: &[f32]) -> Vec<Vec3> {
-        let raw: Vec<f32> = z
-            .iter()
-            .zip(&self.mean)
-            .zip(&self.scale)
-            .map(|((z, mean), scale)| z * scale + mean)
-            .collect();
-        let points = self.mlp.apply(&raw);
+        let points = self.mlp.apply(&self.whitening.undo(z));
         let middle = Vec3::from_array(WORKSPACE_MIDDLE);
         points
             .chunks_exact(3)
@@ -149,9 +141,9 @@ impl Decoder {
     }
 }
 
-/// Layers with ELU after the last one too.
+/// Layers with the activation after the last one too.
 fn activated(mlp: &Mlp, x: &[f32]) -> Vec<f32> {
-    mlp.apply(x).into_iter().map(elu).collect()
+    mlp.apply(x).into_iter().map(|y| mlp.activation.apply(y)).collect()
 }
 
 fn keep_largest(largest: &mut [f32], values: &[f32]) {
@@ -171,7 +163,7 @@ mod tests {
             weight: (0..pair[0] * pair[1]).map(|k| wave(k) / (pair[0] as f32).sqrt()).collect(),
             bias: (0..pair[1]).map(|k| 0.1 * wave(k + 3)).collect(),
         };
-        Mlp { layers: widths.windows(2).map(dense).collect() }
+        Mlp { layers: widths.windows(2).map(dense).collect(), activation: RELU }
     }
 
     fn encoder() -> Encoder {
@@ -179,8 +171,7 @@ mod tests {
             local: mlp(&LOCAL_WIDTHS),
             global: mlp(&GLOBAL_WIDTHS),
             readout: mlp(&READOUT_WIDTHS),
-            mean: vec![0.1; LATENT],
-            scale: vec![0.5; LATENT],
+            whitening: Whitening::identity(),
         }
     }
 

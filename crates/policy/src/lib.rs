@@ -10,8 +10,10 @@ pub mod mlp;
 pub mod model;
 pub mod ngf;
 pub mod weights;
+pub mod whitening;
 
 pub use encoder::{Encoder, LATENT};
 pub use model::{Model, Start};
 pub use ngf::Ngf;
 pub use weights::WeightsError;
+pub use whitening::Whitening;

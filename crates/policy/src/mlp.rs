@@ -1,4 +1,4 @@
-//! Fully connected layers with ELU between them, and the gradient of a scalar output (paper §III-B).
+//! Fully connected layers, and the gradient of a scalar output (paper §III-B).
 
 use crate::weights::{Tensors, WeightsError};
 
@@ -11,11 +11,40 @@ pub struct Dense {
     pub bias: Vec<f32>,
 }
 
-/// Layers with ELU after each but the last.
+/// What stands between two layers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Activation {
+    /// The exponential linear unit: smooth, for what is differentiated.
+    Elu,
+    /// The rectifier.
+    Relu,
+}
+
+/// Layers with an activation after each but the last.
 #[derive(Clone, Debug)]
 pub struct Mlp {
     /// The layers from input to output.
     pub layers: Vec<Dense>,
+    /// What stands between them.
+    pub activation: Activation,
+}
+
+impl Activation {
+    /// Its value.
+    pub fn apply(self, x: f32) -> f32 {
+        match self {
+            Self::Elu => elu(x),
+            Self::Relu => x.max(0.0),
+        }
+    }
+
+    /// Its derivative.
+    pub fn slope(self, x: f32) -> f32 {
+        match self {
+            Self::Elu => elu_slope(x),
+            Self::Relu => f32::from(x > 0.0),
+        }
+    }
 }
 
 /// The exponential linear unit: x above zero, e^x - 1 below.
@@ -95,11 +124,17 @@ fn lanes_dot(a: &[f32], b: &[f32]) -> f32 {
 
 impl Mlp {
     /// Reads layers `name.0`, `name.1`, ... of the given widths, inputs first.
-    pub fn load(tensors: &Tensors, name: &str, widths: &[usize]) -> Result<Self, WeightsError> {
+    pub fn load(
+        tensors: &Tensors,
+        name: &str,
+        widths: &[usize],
+        activation: Activation,
+    ) -> Result<Self, WeightsError> {
         let layer = |(i, pair): (usize, &[usize])| {
             Dense::load(tensors, &format!("{name}.{i}"), pair[0], pair[1])
         };
-        Ok(Self { layers: widths.windows(2).enumerate().map(layer).collect::<Result<_, _>>()? })
+        let layers = widths.windows(2).enumerate().map(layer).collect::<Result<_, _>>()?;
+        Ok(Self { layers, activation })
     }
 
     /// Output of the last layer, which is linear.
@@ -108,7 +143,7 @@ impl Mlp {
         let mut h = x.to_vec();
         for layer in hidden {
             h = layer.apply(&h);
-            h.iter_mut().for_each(|h| *h = elu(*h));
+            h.iter_mut().for_each(|h| *h = self.activation.apply(*h));
         }
         last.apply(&h)
     }
@@ -120,8 +155,8 @@ impl Mlp {
         let mut slopes = Vec::with_capacity(hidden.len());
         for layer in hidden {
             h = layer.apply(&h);
-            slopes.push(h.iter().map(|&h| elu_slope(h)).collect::<Vec<f32>>());
-            h.iter_mut().for_each(|h| *h = elu(*h));
+            slopes.push(h.iter().map(|&h| self.activation.slope(h)).collect::<Vec<f32>>());
+            h.iter_mut().for_each(|h| *h = self.activation.apply(*h));
         }
         let mut gradient: Vec<f32> =
             last.weight.chunks_exact(last.outputs()).map(|row| row[0]).collect();
@@ -163,7 +198,8 @@ mod tests {
 
     #[test]
     fn gradient_agrees_with_central_differences() {
-        let mlp = Mlp { layers: vec![dense(6, 33), dense(33, 17), dense(17, 1)] };
+        let layers = vec![dense(6, 33), dense(33, 17), dense(17, 1)];
+        let mlp = Mlp { layers, activation: Activation::Elu };
         let x: Vec<f32> = (0..6).map(|k| 0.4 * k as f32 - 1.0).collect();
         let gradient = mlp.gradient(&x);
         for i in 0..6 {

@@ -92,6 +92,7 @@ fn palm_distance(a: &Isometry, b: &Isometry) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Whitening;
     use crate::encoder::{DECODER_WIDTHS, GLOBAL_WIDTHS, LOCAL_WIDTHS, READOUT_WIDTHS};
     use crate::ngf::PARTS;
     use robot::JointState;
@@ -125,8 +126,9 @@ mod tests {
                 file.insert(format!("{name}.{i}.bias"), (vec![outputs], wave(outputs, i + 9)));
             }
         }
-        file.insert("latent.mean".into(), (vec![LATENT], wave(LATENT, 1)));
-        file.insert("latent.scale".into(), (vec![LATENT], vec![1.0; LATENT]));
+        for (name, shape, values) in Whitening::identity().tensors() {
+            file.insert(name.into(), (shape, values.to_vec()));
+        }
         file
     }
 

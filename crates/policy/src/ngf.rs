@@ -3,7 +3,7 @@
 use crate::encoder::LATENT;
 use crate::fourier::{Block, FEATURES, Fourier};
 use crate::head::{Outputs, TRIANGLE, unit_velocity};
-use crate::mlp::Mlp;
+use crate::mlp::{Activation, Mlp};
 use crate::weights::{Tensors, WeightsError};
 use robot::{DOF, JointState, JointVector, Limits};
 
@@ -13,11 +13,7 @@ pub const HIDDEN: usize = 512;
 /// Speed (rad/s) that counts as one in the network's input.
 pub const SPEED_SCALE: f64 = 1.0;
 
-/// ψ in units of the network's output: brings accelerations of tens of rad/s² within reach of weights
-/// of order one.
-pub const POTENTIAL_SCALE: f32 = 20.0;
-
-/// What decides the inputs of the networks.
+/// What decides the networks beside their weights.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct NgfConfig {
     /// Units of each hidden layer.
@@ -28,8 +24,19 @@ pub struct NgfConfig {
     pub position_scale: f32,
     /// Length scale of q̇: of the unit velocity, and of the velocity over [`SPEED_SCALE`].
     pub velocity_scale: f32,
-    /// Length scale of z, standardised.
+    /// Length scale of z, whitened.
     pub latent_scale: f32,
+    /// ψ in units of the network's output: brings accelerations of tens of rad/s² within reach of
+    /// weights of order one.
+    pub potential_scale: f32,
+    /// κ: stiffness of a bowl ½ κ |q - q̄|² that is added to ψ.
+    ///
+    /// *Departure: the paper's potential is a network alone. Whatever the object, the expert pulls back
+    /// with the same stiffness in every direction off its path; that part is given (225/s² where M is
+    /// about 2 I, as in a fresh network), and F_ψ learns where to.*
+    pub bowl: f64,
+    /// q̄, its middle (rad): the mean of the demonstrations.
+    pub rest: [f64; DOF],
 }
 
 impl NgfConfig {
@@ -38,9 +45,12 @@ impl NgfConfig {
         Self {
             hidden: HIDDEN,
             frequency_seed: 2309,
-            position_scale: 0.7,
+            position_scale: 2.0,
             velocity_scale: 3.0,
-            latent_scale: 6.0,
+            latent_scale: 16.0,
+            potential_scale: 100.0,
+            bowl: 450.0,
+            rest: [0.0; DOF],
         }
     }
 
@@ -116,6 +126,7 @@ pub fn inputs(part: &Part, limits: &Limits, state: &JointState, z: &[f32]) -> Ve
 #[derive(Clone, Debug)]
 pub struct Ngf {
     limits: Limits,
+    config: NgfConfig,
     networks: Vec<(Fourier, Mlp)>,
 }
 
@@ -127,12 +138,12 @@ impl Ngf {
         limits: &Limits,
     ) -> Result<Self, WeightsError> {
         let network = |(i, part): (usize, &Part)| {
-            let mlp = Mlp::load(tensors, part.name, &part.widths(config))?;
+            let mlp = Mlp::load(tensors, part.name, &part.widths(config), Activation::Elu)?;
             Ok((part.fourier(config, i), mlp))
         };
         let networks =
             PARTS.iter().enumerate().map(network).collect::<Result<_, WeightsError>>()?;
-        Ok(Self { limits: limits.clone(), networks })
+        Ok(Self { limits: limits.clone(), config: config.clone(), networks })
     }
 
     /// What the networks say about a state, with ∂ψ/∂q by the chain rule through the features.
@@ -143,16 +154,18 @@ impl Ngf {
         let (fourier, potential) = &self.networks[3];
         let at = features(3);
         let gradient = fourier.pull_back(&at, &potential.gradient(&at), DOF);
-        let range = self.limits.upper - self.limits.lower;
+        // q is normalised over its range, which spans two units.
+        let per_radian = (self.limits.upper - self.limits.lower).map(|range| 2.0 / range as f32);
+        let bowl = (state.q - JointVector::from(self.config.rest)) * self.config.bowl;
         Outputs {
             geometry_metric: apply(0),
             geometry: apply(1),
             driving_metric: apply(2),
-            // q is normalised over its range, which spans two units.
             potential_gradient: gradient
                 .iter()
-                .zip(&range)
-                .map(|(g, r)| g * POTENTIAL_SCALE * (2.0 / r) as f32)
+                .zip(&per_radian)
+                .zip(&bowl)
+                .map(|((g, slope), bowl)| g * self.config.potential_scale * slope + *bowl as f32)
                 .collect(),
             damping: apply(4)[0],
         }
@@ -164,10 +177,57 @@ impl Ngf {
         qdd.iter().all(|x| x.is_finite()).then_some(qdd)
     }
 
-    /// The potential ψ(q, z).
+    /// The potential ψ(q, z): bowl and network.
     pub fn potential(&self, state: &JointState, z: &[f32]) -> f32 {
         let (fourier, mlp) = &self.networks[3];
-        POTENTIAL_SCALE
-            * mlp.apply(&fourier.features(&inputs(&PARTS[3], &self.limits, state, z)))[0]
+        let bowl =
+            0.5 * self.config.bowl * (state.q - JointVector::from(self.config.rest)).norm_squared();
+        let network = mlp.apply(&fourier.features(&inputs(&PARTS[3], &self.limits, state, z)))[0];
+        bowl as f32 + self.config.potential_scale * network
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mlp::Dense;
+    use robot::Tree;
+
+    #[test]
+    fn the_driving_force_is_the_slope_of_the_potential() {
+        let limits = Tree::iiwa7_allegro().unwrap().limits;
+        // The scale of a fresh network's ψ, without the bowl: single precision resolves its slope.
+        let config = NgfConfig { bowl: 0.0, potential_scale: 1.0, ..NgfConfig::tiny() };
+        let dense = |(i, pair): (usize, &[usize])| {
+            let wave = |k: usize| libm::sinf((k * k + i) as f32);
+            let weight = (0..pair[0] * pair[1]).map(|k| 2.0 * wave(k) / (pair[0] as f32).sqrt());
+            Dense { weight: weight.collect(), bias: (0..pair[1]).map(wave).collect() }
+        };
+        let network = |(i, part): (usize, &Part)| {
+            let layers = part.widths(&config).windows(2).enumerate().map(dense).collect();
+            (part.fourier(&config, i), Mlp { layers, activation: Activation::Elu })
+        };
+        let networks = PARTS.iter().enumerate().map(network).collect();
+        let mut ngf = Ngf { limits, config: config.clone(), networks };
+        let z: Vec<f32> = (0..LATENT).map(|i| libm::cosf(i as f32)).collect();
+        let at = |q: JointVector| JointState { q, qd: JointVector::zeros() };
+        let q = JointVector::from_fn(|i, _| 0.5 * libm::sin(i as f64));
+        let gradient = ngf.outputs(&at(q), &z).potential_gradient;
+        let step = 0.02;
+        for i in 0..DOF {
+            let mut shift = JointVector::zeros();
+            shift[i] = step;
+            let rise = ngf.potential(&at(q + shift), &z) - ngf.potential(&at(q - shift), &z);
+            let wanted = rise / (2.0 * step as f32);
+            assert!((gradient[i] - wanted).abs() < 1e-2, "{i}: {} against {wanted}", gradient[i]);
+        }
+        // The bowl adds κ (q - q̄).
+        ngf.config.bowl = 450.0;
+        ngf.config.rest = std::array::from_fn(|i| 0.1 * i as f64);
+        let off = q - JointVector::from(ngf.config.rest);
+        for (i, steep) in ngf.outputs(&at(q), &z).potential_gradient.iter().enumerate() {
+            let wanted = gradient[i] + 450.0 * off[i] as f32;
+            assert!((steep - wanted).abs() < 1e-3, "{i}: {steep} against {wanted}");
+        }
     }
 }

@@ -1,9 +1,18 @@
-//! AdamW in one pass over flat parameters, with a state that can be saved.
+//! AdamW in one pass over parameters, moments and the shards' gradients, with a state that can be saved.
+
+use super::Params;
+use super::head::contiguous;
+use crate::shards::{Gradient, Gradients};
+use anyhow::{Result, anyhow};
+use candle_core::{CpuStorage, InplaceOp1, Layout, Storage, Tensor, Var};
+use std::sync::Mutex;
 
 /// Decay of the first and second moment, and what keeps the quotient finite.
 const BETA1: f32 = 0.9;
 const BETA2: f32 = 0.99;
 const EPSILON: f32 = 1e-8;
+/// Numbers that are worked on at a time: they stay in the nearest cache.
+const BLOCK: usize = 4096;
 
 /// The optimiser's state.
 #[derive(Clone, Debug)]
@@ -18,27 +27,176 @@ pub struct AdamW {
     pub decay: f32,
 }
 
+/// One parameter with its moments and the shares of its gradient.
+struct Part<'a> {
+    var: Var,
+    gradients: Vec<(f32, Tensor)>,
+    moments: Mutex<(&'a mut [f32], &'a mut [f32])>,
+}
+
+/// The step of one parameter in place.
+struct Update<'a, 'b> {
+    part: &'a Part<'b>,
+    rate: f32,
+    scale: f32,
+    decay: f32,
+    correct1: f32,
+    correct2: f32,
+}
+
 impl AdamW {
-    /// A fresh optimiser for `count` parameters.
+    /// A fresh optimiser for `count` numbers.
     pub fn new(count: usize, decay: f32) -> Self {
         Self { first: vec![0.0; count], second: vec![0.0; count], steps: 0, decay }
     }
 
-    /// One step along `gradients`, clipped to norm `clip`.
-    pub fn step(&mut self, values: &mut [f32], gradients: &[f32], rate: f32, clip: f32) {
-        self.steps += 1;
-        let norm = gradients.iter().map(|g| (*g as f64) * (*g as f64)).sum::<f64>().sqrt() as f32;
-        let scale = if norm > clip { clip / norm } else { 1.0 };
-        let correct1 = 1.0 - BETA1.powi(self.steps.min(10_000) as i32);
-        let correct2 = 1.0 - BETA2.powi(self.steps.min(10_000) as i32);
-        let moments = self.first.iter_mut().zip(&mut self.second);
-        for ((value, gradient), (m, v)) in values.iter_mut().zip(gradients).zip(moments) {
-            let g = gradient * scale;
-            *m = BETA1 * *m + (1.0 - BETA1) * g;
-            *v = BETA2 * *v + (1.0 - BETA2) * g * g;
-            let step = (*m / correct1) / ((*v / correct2).sqrt() + EPSILON);
-            *value -= rate * (step + self.decay * *value);
+    /// One step along `gradients`, clipped to norm `clip`, on as many threads as there are shards.
+    /// Gives the norm before clipping; if that is not finite, nothing is changed.
+    pub fn step(
+        &mut self,
+        params: &Params,
+        gradients: &Gradients,
+        rate: f32,
+        clip: f32,
+    ) -> Result<f32> {
+        let mut parts = Vec::new();
+        let (mut first, mut second) = (self.first.as_mut_slice(), self.second.as_mut_slice());
+        for (i, var) in params.vars().enumerate() {
+            let (m, rest) = first.split_at_mut(var.elem_count());
+            first = rest;
+            let (v, rest) = second.split_at_mut(var.elem_count());
+            second = rest;
+            let of_shard =
+                |(share, shard): &(f32, Gradient)| Some((*share, shard.of_params.get(i)?.clone()?));
+            let of_shards: Vec<_> = gradients.shards.iter().filter_map(of_shard).collect();
+            // What took no part in the loss stays as it is.
+            if !of_shards.is_empty() {
+                let moments = Mutex::new((m, v));
+                parts.push(Part { var: var.clone(), gradients: of_shards, moments });
+            }
         }
+        let threads = gradients.shards.len();
+        let squares = over_threads(&parts, threads, Part::squared_norm)?;
+        let norm = squares.iter().sum::<f64>().sqrt() as f32;
+        if !norm.is_finite() {
+            return Ok(norm);
+        }
+        self.steps += 1;
+        let count = self.steps.min(10_000) as i32;
+        over_threads(&parts, threads, |part| {
+            let update = Update {
+                part,
+                rate,
+                scale: if norm > clip { clip / norm } else { 1.0 },
+                decay: self.decay,
+                correct1: 1.0 - BETA1.powi(count),
+                correct2: 1.0 - BETA2.powi(count),
+            };
+            Ok(part.var.inplace_op1(&update)?)
+        })?;
+        Ok(norm)
+    }
+}
+
+/// Applies `f` to every part, the largest ones first, each to the thread with the least to do; gives
+/// the results in the order of the parts.
+fn over_threads<'p, R: Send>(
+    parts: &[Part<'p>],
+    threads: usize,
+    f: impl Fn(&Part<'p>) -> Result<R> + Sync,
+) -> Result<Vec<R>> {
+    let mut order: Vec<usize> = (0..parts.len()).collect();
+    order.sort_by_key(|&i| std::cmp::Reverse(parts[i].var.elem_count()));
+    let mut queues = vec![(0, Vec::new()); threads.max(1)];
+    for i in order {
+        if let Some((load, queue)) = queues.iter_mut().min_by_key(|(load, _)| *load) {
+            *load += parts[i].var.elem_count();
+            queue.push(i);
+        }
+    }
+    let mut results: Vec<(usize, R)> = std::thread::scope(|scope| {
+        let f = &f;
+        let work = |queue: Vec<usize>| {
+            queue.into_iter().map(|i| Ok((i, f(&parts[i])?))).collect::<Result<Vec<_>>>()
+        };
+        let running: Vec<_> =
+            queues.into_iter().map(|(_, queue)| scope.spawn(move || work(queue))).collect();
+        let mut results = Vec::new();
+        for thread in running {
+            results.extend(thread.join().map_err(|_| anyhow!("an optimiser thread panicked"))??);
+        }
+        anyhow::Ok(results)
+    })?;
+    results.sort_by_key(|(i, _)| *i);
+    Ok(results.into_iter().map(|(_, result)| result).collect())
+}
+
+impl Part<'_> {
+    /// Calls `f` with each block of the summed gradient and the index of its first number.
+    fn blocks(&self, mut f: impl FnMut(usize, &[f32])) -> candle_core::Result<()> {
+        let guards: Vec<_> =
+            self.gradients.iter().map(|(share, g)| (*share, g.storage_and_layout())).collect();
+        let mut slices = Vec::new();
+        for (share, (storage, layout)) in &guards {
+            let Storage::Cpu(storage) = &**storage else {
+                candle_core::bail!("the optimiser runs on the processor")
+            };
+            slices.push((*share, contiguous(storage, layout)?));
+        }
+        let count = self.var.elem_count();
+        let mut sum = [0.0; BLOCK];
+        for begin in (0..count).step_by(BLOCK) {
+            let sum = &mut sum[..BLOCK.min(count - begin)];
+            sum.fill(0.0);
+            for (share, gradient) in &slices {
+                for (sum, g) in sum.iter_mut().zip(&gradient[begin..]) {
+                    *sum += share * g;
+                }
+            }
+            f(begin, sum);
+        }
+        Ok(())
+    }
+
+    fn squared_norm(&self) -> Result<f64> {
+        let mut total = 0.0;
+        self.blocks(|_, sum| {
+            let mut lanes = [0.0f32; 16];
+            for part in sum.chunks(16) {
+                lanes.iter_mut().zip(part).for_each(|(lane, g)| *lane += g * g);
+            }
+            total += lanes.iter().map(|x| *x as f64).sum::<f64>();
+        })?;
+        Ok(total)
+    }
+}
+
+impl InplaceOp1 for Update<'_, '_> {
+    fn name(&self) -> &'static str {
+        "adamw"
+    }
+
+    fn cpu_fwd(&self, storage: &mut CpuStorage, layout: &Layout) -> candle_core::Result<()> {
+        let (CpuStorage::F32(values), Some((start, end))) = (storage, layout.contiguous_offsets())
+        else {
+            candle_core::bail!("parameters are contiguous and of single precision")
+        };
+        let values = &mut values[start..end];
+        let Ok(mut moments) = self.part.moments.lock() else {
+            candle_core::bail!("another thread panicked")
+        };
+        let (first, second) = &mut *moments;
+        self.part.blocks(|begin, gradient| {
+            let end = begin + gradient.len();
+            let moments = first[begin..end].iter_mut().zip(&mut second[begin..end]);
+            for ((value, g), (m, v)) in values[begin..end].iter_mut().zip(gradient).zip(moments) {
+                let g = g * self.scale;
+                *m = BETA1 * *m + (1.0 - BETA1) * g;
+                *v = BETA2 * *v + (1.0 - BETA2) * g * g;
+                let step = (*m / self.correct1) / ((*v / self.correct2).sqrt() + EPSILON);
+                *value -= self.rate * (step + self.decay * *value);
+            }
+        })
     }
 }
 
@@ -54,22 +212,71 @@ pub fn schedule(step: u64, warmup: u64, total: u64, peak: f32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use candle_core::Device;
+
+    /// Parameters `x` of one tensor, with gradients of one shard each.
+    fn step(adam: &mut AdamW, params: &Params, gradients: &[&[f32]], rate: f32, clip: f32) -> f32 {
+        let share = 1.0 / gradients.len() as f32;
+        let shard = |g: &&[f32]| {
+            let tensor = Tensor::from_slice(g, g.len(), &Device::Cpu).unwrap();
+            (share, Gradient { loss: 0.0, of_params: vec![Some(tensor)] })
+        };
+        let gradients = Gradients { shards: gradients.iter().map(shard).collect() };
+        adam.step(params, &gradients, rate, clip).unwrap()
+    }
+
+    fn params(x: &[f32]) -> Params {
+        let mut params = Params::default();
+        params.add("x", &[x.len()], x.to_vec()).unwrap();
+        params
+    }
 
     #[test]
     fn it_finds_the_bottom_of_a_bowl() {
-        let mut x = vec![3.0f32, -2.0];
+        let params = params(&[3.0, -2.0]);
         let mut adam = AdamW::new(2, 0.0);
-        for step in 0..2000 {
-            let gradient = vec![2.0 * (x[0] - 1.0), 20.0 * (x[1] - 0.5)];
-            adam.step(&mut x, &gradient, schedule(step, 10, 2000, 0.05), 1e9);
+        for k in 0..2000 {
+            let x = params.values().unwrap();
+            let gradient = [2.0 * (x[0] - 1.0), 20.0 * (x[1] - 0.5)];
+            step(&mut adam, &params, &[&gradient], schedule(k, 10, 2000, 0.05), 1e9);
         }
+        let x = params.values().unwrap();
         assert!((x[0] - 1.0).abs() < 1e-3 && (x[1] - 0.5).abs() < 1e-3, "{x:?}");
     }
 
     #[test]
     fn the_first_step_has_the_size_of_the_rate() {
-        let mut x = vec![0.0f32];
-        AdamW::new(1, 0.0).step(&mut x, &[123.0], 0.01, 1.0);
+        let params = params(&[0.0]);
+        step(&mut AdamW::new(1, 0.0), &params, &[&[123.0]], 0.01, 1.0);
+        let x = params.values().unwrap();
         assert!((x[0] + 0.01).abs() < 1e-6, "{}", x[0]);
+    }
+
+    #[test]
+    fn shards_are_summed_over_all_blocks() {
+        let count = 2 * BLOCK + 17;
+        let gradients: Vec<Vec<f32>> =
+            (0..2).map(|s| (0..count).map(|k| libm::sinf((k * k + s) as f32)).collect()).collect();
+        let mean: Vec<f32> =
+            gradients[0].iter().zip(&gradients[1]).map(|(a, b)| 0.5 * (a + b)).collect();
+        let (apart, together) = (params(&vec![1.0; count]), params(&vec![1.0; count]));
+        let (mut a, mut b) = (AdamW::new(count, 0.1), AdamW::new(count, 0.1));
+        for _ in 0..3 {
+            let norm = step(&mut a, &apart, &[&gradients[0], &gradients[1]], 0.01, 1.0);
+            let wanted = step(&mut b, &together, &[&mean], 0.01, 1.0);
+            let exact = mean.iter().map(|g| (*g as f64).powi(2)).sum::<f64>().sqrt() as f32;
+            assert!((norm - wanted).abs() < 1e-4 * exact && (norm - exact).abs() < 1e-4 * exact);
+        }
+        let pairs = apart.values().unwrap().into_iter().zip(together.values().unwrap());
+        assert!(pairs.into_iter().all(|(a, b)| (a - b).abs() < 1e-6));
+    }
+
+    #[test]
+    fn a_gradient_that_is_not_finite_changes_nothing() {
+        let params = params(&[0.5, 0.25]);
+        let mut adam = AdamW::new(2, 0.0);
+        assert!(step(&mut adam, &params, &[&[f32::NAN, 1.0]], 0.01, 1.0).is_nan());
+        assert_eq!(params.values().unwrap(), [0.5, 0.25]);
+        assert_eq!((adam.steps, adam.first), (0, vec![0.0; 2]));
     }
 }

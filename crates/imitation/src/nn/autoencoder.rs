@@ -1,11 +1,12 @@
 //! The autoencoder on a batch; the twin of `policy::encoder`.
 
-use super::{Params, mlp};
+use super::pool::Largest;
+use super::{Params, dense, mlp};
 use anyhow::Result;
 use candle_core::{D, Device, Tensor};
 use geometry::Vec3;
 use policy::encoder::{
-    CENTERS, CLOUD, DECODER_WIDTHS, GLOBAL_WIDTHS, LOCAL_WIDTHS, NEIGHBORS, READOUT_WIDTHS,
+    CENTERS, CLOUD, DECODER_WIDTHS, GLOBAL_WIDTHS, LOCAL_WIDTHS, NEIGHBORS, READOUT_WIDTHS, RELU,
     global_position, local_input, neighborhoods,
 };
 use rand_chacha::ChaCha8Rng;
@@ -39,19 +40,28 @@ pub fn encode(params: &Params, clouds: &[&[f32]]) -> Result<Tensor> {
     }
     let rows = batch * CENTERS;
     let local = Tensor::from_vec(local, (rows * NEIGHBORS, LOCAL_WIDTHS[0]), &Device::Cpu)?;
-    let local = mlp(&local, params, "encoder.local", LOCAL_WIDTHS.len() - 1)?.elu(1.0)?;
-    let local = local.reshape((rows, NEIGHBORS, LOCAL_WIDTHS[2]))?.max(1)?;
+    let local = activated(&local, params, "encoder.local", LOCAL_WIDTHS.len() - 1)?;
+    let local = local.reshape((rows, NEIGHBORS, LOCAL_WIDTHS[2]))?.apply_op1(Largest)?;
     let places = Tensor::from_vec(places, (rows, 3), &Device::Cpu)?;
     let global = Tensor::cat(&[local, places], D::Minus1)?;
-    let global = mlp(&global, params, "encoder.global", GLOBAL_WIDTHS.len() - 1)?.elu(1.0)?;
-    let global = global.reshape((batch, CENTERS, GLOBAL_WIDTHS[2]))?.max(1)?;
-    Ok(mlp(&global, params, "encoder.readout", READOUT_WIDTHS.len() - 1)?)
+    let global = activated(&global, params, "encoder.global", GLOBAL_WIDTHS.len() - 1)?;
+    let global = global.reshape((batch, CENTERS, GLOBAL_WIDTHS[2]))?.apply_op1(Largest)?;
+    Ok(mlp(&global, params, "encoder.readout", READOUT_WIDTHS.len() - 1, RELU)?)
+}
+
+/// Layers with the activation after the last one too.
+fn activated(x: &Tensor, params: &Params, name: &str, count: usize) -> Result<Tensor> {
+    let mut h = x.clone();
+    for layer in 0..count {
+        h = dense(&h, params, &format!("{name}.{layer}"), Some(RELU))?;
+    }
+    Ok(h)
 }
 
 /// The clouds that `z` stands for, shape (B, CLOUD, 3), in units of the workspace.
 pub fn decode(params: &Params, z: &Tensor) -> Result<Tensor> {
     let batch = z.dims()[0];
-    let flat = mlp(z, params, "decoder", DECODER_WIDTHS.len() - 1)?;
+    let flat = mlp(z, params, "decoder", DECODER_WIDTHS.len() - 1, RELU)?;
     Ok(flat.reshape((batch, CLOUD, 3))?.contiguous()?)
 }
 
@@ -67,7 +77,6 @@ pub fn targets(clouds: &[&[f32]]) -> Result<Tensor> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use policy::encoder::LATENT;
     use rand::SeedableRng;
 
     #[test]
@@ -77,8 +86,7 @@ mod tests {
         let rounded: Vec<f32> =
             params.values().unwrap().iter().map(|&x| half::f16::from_f32(x).to_f32()).collect();
         params.set_values(&rounded).unwrap();
-        let more = [("latent.mean", vec![0.0; LATENT]), ("latent.scale", vec![1.0; LATENT])];
-        let bytes = params.export(&more).unwrap();
+        let bytes = params.export(&policy::Whitening::identity().tensors()).unwrap();
         let tensors = policy::weights::Tensors::parse(&bytes).unwrap();
         let runs = policy::Encoder::load(&tensors).unwrap();
         let cloud: Vec<f32> =

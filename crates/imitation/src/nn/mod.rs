@@ -5,28 +5,41 @@
 pub mod adam;
 pub mod autoencoder;
 pub mod chamfer;
+pub mod dense;
 pub mod head;
 pub mod ngf;
 pub mod params;
+pub mod pool;
 
 pub use params::Params;
 
 use candle_core::{Result, Tensor};
+use dense::Dense;
+use policy::mlp::Activation;
 
-/// xW + b for a batch, W of shape (inputs, outputs).
-pub(crate) fn dense(x: &Tensor, params: &Params, name: &str) -> Result<Tensor> {
+/// f(xW + b) for a batch, W of shape (inputs, outputs).
+pub(crate) fn dense(
+    x: &Tensor,
+    params: &Params,
+    name: &str,
+    activation: Option<Activation>,
+) -> Result<Tensor> {
     let weight = params.tensor(&format!("{name}.weight"))?;
-    x.matmul(weight)?.broadcast_add(params.tensor(&format!("{name}.bias"))?)
+    x.apply_op3(weight, params.tensor(&format!("{name}.bias"))?, Dense(activation))
 }
 
-/// Layers `name.0` to `name.{count - 1}` with ELU between them; the last one is linear.
-pub(crate) fn mlp(x: &Tensor, params: &Params, name: &str, count: usize) -> Result<Tensor> {
+/// Layers `name.0` to `name.{count - 1}` with `activation` between them; the last one is linear.
+pub(crate) fn mlp(
+    x: &Tensor,
+    params: &Params,
+    name: &str,
+    count: usize,
+    activation: Activation,
+) -> Result<Tensor> {
     let mut h = x.clone();
     for layer in 0..count {
-        h = dense(&h, params, &format!("{name}.{layer}"))?;
-        if layer + 1 < count {
-            h = h.elu(1.0)?;
-        }
+        let after = (layer + 1 < count).then_some(activation);
+        h = dense(&h, params, &format!("{name}.{layer}"), after)?;
     }
     Ok(h)
 }

@@ -6,14 +6,17 @@ use super::{Params, dense, mlp};
 use anyhow::Result;
 use candle_core::{Device, Tensor};
 use policy::fourier::{FREQUENCIES, Fourier};
-use policy::ngf::{NgfConfig, PARTS, POTENTIAL_SCALE, inputs};
+use policy::mlp::Activation;
+use policy::ngf::{NgfConfig, PARTS, inputs};
 use rand_chacha::ChaCha8Rng;
-use robot::{DOF, JointState, Limits};
+use robot::{DOF, JointState, JointVector, Limits};
 
 /// β_f of a fresh network.
 const FIRST_DAMPING: f32 = 50.0;
 /// Layers of each network.
 const LAYERS: usize = 4;
+/// Index of F_ψ among the parts.
+const POTENTIAL: usize = 3;
 
 /// The five networks' fixed projections.
 pub struct Ngf {
@@ -21,12 +24,25 @@ pub struct Ngf {
     fourier: Vec<(Fourier, Tensor)>,
     /// ∂(normalised q)/∂q times the scale of ψ, shape (1, DOF).
     slope: Tensor,
+    /// κ of the bowl, and its middle.
+    bowl: f64,
+    rest: JointVector,
 }
 
-/// Adds fresh parameters of the five networks.
+/// Which of the networks take part.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Active {
+    /// All five.
+    All,
+    /// F_ψ; the others say what they say before any training: M = 2 I, χ = 0, constant damping.
+    Potential,
+}
+
+/// Adds fresh parameters of the five networks. All but F_ψ begin with outputs of zero.
 pub fn init(params: &mut Params, config: &NgfConfig, rng: &mut ChaCha8Rng) -> Result<()> {
-    for part in &PARTS {
-        params.add_mlp(part.name, &part.widths(config), 0.1, rng)?;
+    for (i, part) in PARTS.iter().enumerate() {
+        let last = if i == POTENTIAL { 0.1 } else { 0.0 };
+        params.add_mlp(part.name, &part.widths(config), last, rng)?;
     }
     // Damping begins at that of the expert instead of at one thirtieth of it: M begins near 2 I.
     let last = format!("{}.{}.bias", PARTS[4].name, LAYERS - 1);
@@ -47,9 +63,11 @@ impl Ngf {
             })
             .collect::<Result<_>>()?;
         let range = limits.upper - limits.lower;
-        let slope: Vec<f32> = range.iter().map(|r| POTENTIAL_SCALE * (2.0 / r) as f32).collect();
+        let slope: Vec<f32> =
+            range.iter().map(|r| config.potential_scale * (2.0 / r) as f32).collect();
         let slope = Tensor::from_vec(slope, (1, DOF), &Device::Cpu)?;
-        Ok(Self { limits: limits.clone(), fourier, slope })
+        let rest = JointVector::from(config.rest);
+        Ok(Self { limits: limits.clone(), fourier, slope, bowl: config.bowl, rest })
     }
 
     /// Accelerations, shape (B, DOF), for states and latents of a batch.
@@ -59,14 +77,34 @@ impl Ngf {
         states: &[JointState],
         z: &[&[f32]],
     ) -> Result<Tensor> {
-        let packed = [
-            self.apply(params, 0, states, z)?,
-            self.apply(params, 2, states, z)?,
-            self.apply(params, 1, states, z)?,
-            self.potential_gradient(params, states, z)?,
-            self.apply(params, 4, states, z)?,
-        ];
-        let packed = Tensor::cat(&packed, 1)?.contiguous()?;
+        Self::resolve(&self.outputs(params, states, z, Active::All)?, states)
+    }
+
+    /// What the networks say, as [`Head`] takes it: shape (B, PACKED).
+    pub fn outputs(
+        &self,
+        params: &Params,
+        states: &[JointState],
+        z: &[&[f32]],
+        active: Active,
+    ) -> Result<Tensor> {
+        let network = |part: usize| match active {
+            Active::All => self.apply(params, part, states, z),
+            Active::Potential => Self::untrained(part, states.len()),
+        };
+        let gradient = self.potential_gradient(params, states, z)?;
+        let packed = [network(0)?, network(2)?, network(1)?, gradient, network(4)?];
+        Ok(Tensor::cat(&packed, 1)?.contiguous()?)
+    }
+
+    /// What a network of [`init`] says.
+    fn untrained(part: usize, rows: usize) -> Result<Tensor> {
+        let says = if part == PARTS.len() - 1 { FIRST_DAMPING } else { 0.0 };
+        Ok(Tensor::full(says, (rows, PARTS[part].outputs), &Device::Cpu)?)
+    }
+
+    /// The fabric's accelerations, shape (B, DOF), from the networks' outputs.
+    pub fn resolve(packed: &Tensor, states: &[JointState]) -> Result<Tensor> {
         let qd: Vec<f32> = states.iter().flat_map(|s| s.qd.iter().map(|x| *x as f32)).collect();
         let qd = Tensor::from_vec(qd, (states.len(), DOF), &Device::Cpu)?;
         Ok(packed.apply_op2(&qd, Head)?)
@@ -80,7 +118,8 @@ impl Ngf {
         z: &[&[f32]],
     ) -> Result<Tensor> {
         let (cos, sin) = self.features(part, states, z)?;
-        Ok(mlp(&Tensor::cat(&[cos, sin], 1)?, params, PARTS[part].name, LAYERS)?)
+        let features = Tensor::cat(&[cos, sin], 1)?;
+        Ok(mlp(&features, params, PARTS[part].name, LAYERS, Activation::Elu)?)
     }
 
     /// Cosines and sines, each (B, FREQUENCIES); constants of the graph.
@@ -108,14 +147,14 @@ impl Ngf {
         states: &[JointState],
         z: &[&[f32]],
     ) -> Result<Tensor> {
-        let name = PARTS[3].name;
-        let (cos, sin) = self.features(3, states, z)?;
+        let name = PARTS[POTENTIAL].name;
+        let (cos, sin) = self.features(POTENTIAL, states, z)?;
         let mut h = Tensor::cat(&[&cos, &sin], 1)?;
         let mut slopes = Vec::new();
         for layer in 0..LAYERS - 1 {
-            let x = dense(&h, params, &format!("{name}.{layer}"))?;
-            slopes.push(x.minimum(0f64)?.exp()?);
-            h = x.elu(1.0)?;
+            h = dense(&h, params, &format!("{name}.{layer}"), Some(Activation::Elu))?;
+            // ELU's derivative, told from its value: e^x = (e^x - 1) + 1.
+            slopes.push((h.minimum(0f64)? + 1.0)?);
         }
         let last = params.tensor(&format!("{name}.{}.weight", LAYERS - 1))?;
         let mut gradient = slopes[LAYERS - 2].broadcast_mul(&last.t()?)?;
@@ -129,8 +168,12 @@ impl Ngf {
         let of_cos = gradient.narrow(1, 0, FREQUENCIES)?;
         let of_sin = gradient.narrow(1, FREQUENCIES, FREQUENCIES)?;
         let of_phases = ((of_sin * &cos)? - (of_cos * &sin)?)?;
-        let frequencies = self.fourier[3].1.narrow(0, 0, DOF)?.t()?;
-        Ok(of_phases.matmul(&frequencies)?.broadcast_mul(&self.slope)?)
+        let frequencies = self.fourier[POTENTIAL].1.narrow(0, 0, DOF)?.t()?;
+        let of_network = of_phases.matmul(&frequencies)?.broadcast_mul(&self.slope)?;
+        let pulls: Vec<JointVector> =
+            states.iter().map(|s| (s.q - self.rest) * self.bowl).collect();
+        let bowl = pulls.iter().flat_map(|pull| pull.iter().map(|x| *x as f32)).collect();
+        Ok((of_network + Tensor::from_vec::<_, f32>(bowl, (states.len(), DOF), &Device::Cpu)?)?)
     }
 }
 
@@ -139,7 +182,26 @@ mod tests {
     use super::*;
     use policy::encoder::LATENT;
     use rand::SeedableRng;
-    use robot::{JointVector, Tree};
+    use robot::Tree;
+
+    #[test]
+    fn untrained_networks_say_what_is_said_for_them() {
+        let tree = Tree::iiwa7_allegro().unwrap();
+        let config = NgfConfig { bowl: 450.0, ..NgfConfig::tiny() };
+        let mut params = Params::default();
+        init(&mut params, &config, &mut ChaCha8Rng::seed_from_u64(9)).unwrap();
+        let network = Ngf::new(&config, &tree.limits).unwrap();
+        let state = JointState {
+            q: JointVector::from_fn(|i, _| 0.1 * i as f64),
+            qd: JointVector::from_element(0.3),
+        };
+        let z = [0.5; LATENT];
+        let says = |active| {
+            let outputs = network.outputs(&params, &[state], &[&z], active).unwrap();
+            outputs.to_vec2::<f32>().unwrap().remove(0)
+        };
+        assert_eq!(says(Active::All), says(Active::Potential));
+    }
 
     #[test]
     fn the_twin_agrees_with_the_network_that_runs() {

@@ -52,6 +52,11 @@ impl Params {
         }
     }
 
+    /// The names of the parameters, in order.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.vars.keys().map(String::as_str)
+    }
+
     /// How many numbers there are.
     pub fn count(&self) -> usize {
         self.vars.values().map(|var| var.elem_count()).sum()
@@ -77,20 +82,18 @@ impl Params {
         Ok(())
     }
 
-    /// The gradients of all numbers; zero where the loss does not depend on them.
-    pub fn gradients(&self, store: &GradStore) -> Result<Vec<f32>> {
-        let mut gradients = Vec::with_capacity(self.count());
-        for var in self.vars.values() {
-            match store.get(var) {
-                Some(gradient) => gradients.extend(gradient.flatten_all()?.to_vec1::<f32>()?),
-                None => gradients.resize(gradients.len() + var.elem_count(), 0.0),
-            }
-        }
-        Ok(gradients)
+    /// The gradient of each parameter; `None` where the loss does not depend on it.
+    pub fn gradients(&self, store: &GradStore) -> Vec<Option<Tensor>> {
+        self.vars.values().map(|var| store.get(var).cloned()).collect()
+    }
+
+    /// The parameters one by one.
+    pub(crate) fn vars(&self) -> impl Iterator<Item = &Var> {
+        self.vars.values()
     }
 
     /// Safetensors in half precision, with further tensors beside the parameters.
-    pub fn export(&self, more: &[(&str, Vec<f32>)]) -> Result<Vec<u8>> {
+    pub fn export(&self, more: &[(&str, Vec<usize>, &[f32])]) -> Result<Vec<u8>> {
         let halves = |values: &[f32]| -> Vec<u8> {
             values.iter().flat_map(|&x| f16::from_f32(x).to_le_bytes()).collect()
         };
@@ -99,9 +102,9 @@ impl Params {
             let bytes = halves(&var.flatten_all()?.to_vec1::<f32>()?);
             data.insert(name.clone(), (Dtype::F16, var.dims().to_vec(), bytes));
         }
-        for (name, values) in more {
+        for (name, shape, values) in more {
             let bytes = values.iter().flat_map(|x| x.to_le_bytes()).collect();
-            data.insert((*name).to_owned(), (Dtype::F32, vec![values.len()], bytes));
+            data.insert((*name).to_owned(), (Dtype::F32, shape.clone(), bytes));
         }
         let views = data
             .iter()

@@ -1,0 +1,177 @@
+//! A layer y = f(xW + b) as one operation with its gradient: bias and f cost no pass of their own.
+
+use super::head::contiguous;
+use candle_core::backend::BackendStorage;
+use candle_core::{CpuStorage, CustomOp3, Layout, Result, Shape, Tensor};
+use policy::mlp::Activation;
+
+/// x (N, inputs), W (inputs, outputs), b (outputs) to y (N, outputs); no activation: y = xW + b.
+pub struct Dense(pub Option<Activation>);
+
+impl Dense {
+    fn activate(&self, y: &mut [f32]) {
+        match self.0 {
+            None => {}
+            Some(Activation::Elu) => {
+                y.iter_mut().for_each(|y| *y = y.max(0.0) + (exp(y.min(0.0)) - 1.0));
+            }
+            Some(Activation::Relu) => y.iter_mut().for_each(|y| *y = y.max(0.0)),
+        }
+    }
+
+    /// The derivative, told from the activated value.
+    fn slope(&self, y: f32) -> f32 {
+        match self.0 {
+            None => 1.0,
+            Some(Activation::Elu) => y.min(0.0) + 1.0,
+            Some(Activation::Relu) => f32::from(y > 0.0),
+        }
+    }
+}
+
+/// e^x for x <= 0, to a few units in the last place; free of branches, so that a loop over it runs in
+/// vectors.
+fn exp(x: f32) -> f32 {
+    // Adding 1.5 x 2^23 rounds to an integer, whose last bits then stand in those of the sum.
+    const ROUND: f32 = 12_582_912.0;
+    let x = x.max(-87.0);
+    let shifted = x * std::f32::consts::LOG2_E + ROUND;
+    let n = shifted - ROUND;
+    // ln 2 in two parts.
+    let r = (x - n * 0.693_359_4) + n * 2.121_944_4e-4;
+    let series = 1.0
+        + r * (1.0
+            + r * (0.5 + r * (1.0 / 6.0 + r * (1.0 / 24.0 + r * (1.0 / 120.0 + r / 720.0)))));
+    series * f32::from_bits((shifted.to_bits() << 23).wrapping_add(1.0f32.to_bits()))
+}
+
+impl CustomOp3 for Dense {
+    fn name(&self) -> &'static str {
+        "dense"
+    }
+
+    fn cpu_fwd(
+        &self,
+        x: &CpuStorage,
+        x_layout: &Layout,
+        weight: &CpuStorage,
+        weight_layout: &Layout,
+        bias: &CpuStorage,
+        bias_layout: &Layout,
+    ) -> Result<(CpuStorage, Shape)> {
+        let ((rows, inputs), outputs) = (x_layout.shape().dims2()?, bias_layout.dims()[0]);
+        let sizes = (1, rows, outputs, inputs);
+        let product = x.matmul(weight, sizes, x_layout, weight_layout)?;
+        let CpuStorage::F32(mut y) = product else {
+            candle_core::bail!("layers are made of single-precision numbers")
+        };
+        let bias = contiguous(bias, bias_layout)?;
+        for row in y.chunks_exact_mut(outputs) {
+            row.iter_mut().zip(bias).for_each(|(y, b)| *y += b);
+            self.activate(row);
+        }
+        Ok((CpuStorage::F32(y), Shape::from((rows, outputs))))
+    }
+
+    fn bwd(
+        &self,
+        x: &Tensor,
+        weight: &Tensor,
+        bias: &Tensor,
+        y: &Tensor,
+        gradient: &Tensor,
+    ) -> Result<(Option<Tensor>, Option<Tensor>, Option<Tensor>)> {
+        let mut of_product = gradient.flatten_all()?.to_vec1::<f32>()?;
+        let mut of_bias = vec![0.0; bias.elem_count()];
+        {
+            let (storage, layout) = y.storage_and_layout();
+            let candle_core::Storage::Cpu(storage) = &*storage else {
+                candle_core::bail!("layers run on the processor")
+            };
+            let y = contiguous(storage, layout)?;
+            let rows = of_product.chunks_exact_mut(of_bias.len());
+            for (row, y) in rows.zip(y.chunks_exact(of_bias.len())) {
+                for ((g, y), b) in row.iter_mut().zip(y).zip(&mut of_bias) {
+                    *g *= self.slope(*y);
+                    *b += *g;
+                }
+            }
+        }
+        let of_product = Tensor::from_vec(of_product, gradient.shape(), x.device())?;
+        // What the batch consists of needs no gradient.
+        let of_x = if x.track_op() { Some(of_product.matmul(&weight.t()?)?) } else { None };
+        let of_weight = x.t()?.matmul(&of_product)?;
+        let of_bias = Tensor::from_vec(of_bias, bias.shape(), x.device())?;
+        Ok((of_x, Some(of_weight), Some(of_bias)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use candle_core::{Device, Var};
+
+    fn wave(count: usize, shift: f32) -> Vec<f32> {
+        (0..count).map(|k| libm::sinf((k * k) as f32 + shift)).collect()
+    }
+
+    #[test]
+    fn exp_is_exact_to_single_precision() {
+        for k in 0..=8_800 {
+            let x = -0.01 * k as f32;
+            let (got, wanted) = (exp(x), libm::expf(x.max(-87.0)));
+            assert!((got - wanted).abs() <= 3e-7 * wanted, "e^{x}: {got} against {wanted}");
+        }
+        assert_eq!(exp(0.0), 1.0);
+    }
+
+    #[test]
+    fn it_is_the_layer_that_runs() {
+        let layer = policy::mlp::Dense { weight: wave(35, 0.0), bias: wave(5, 1.0) };
+        let x = wave(7, 2.0);
+        let tensor = |v: &[f32], shape: &[usize]| Tensor::from_slice(v, shape, &Device::Cpu);
+        let (tx, w, b) = (
+            tensor(&x, &[1, 7]).unwrap(),
+            tensor(&layer.weight, &[7, 5]).unwrap(),
+            tensor(&layer.bias, &[5]).unwrap(),
+        );
+        for activation in [None, Some(Activation::Elu), Some(Activation::Relu)] {
+            let f = |y: f32| activation.map_or(y, |activation| activation.apply(y));
+            let got = tx.apply_op3(&w, &b, Dense(activation)).unwrap();
+            let got = got.to_vec2::<f32>().unwrap();
+            for (got, wanted) in got[0].iter().zip(layer.apply(&x)) {
+                assert!((got - f(wanted)).abs() < 1e-6, "{got} against {}", f(wanted));
+            }
+        }
+    }
+
+    #[test]
+    fn gradients_agree_with_central_differences() {
+        let values = [wave(12, 0.5), wave(20, 1.5), wave(5, 2.5)];
+        let shapes: [&[usize]; 3] = [&[3, 4], &[4, 5], &[5]];
+        let weights = Tensor::from_vec(wave(15, 4.0), (3, 5), &Device::Cpu).unwrap();
+        for activation in [None, Some(Activation::Elu), Some(Activation::Relu)] {
+            let loss = |values: &[Vec<f32>; 3]| {
+                let vars: Vec<Var> = (0..3)
+                    .map(|i| Var::from_slice(&values[i], shapes[i], &Device::Cpu).unwrap())
+                    .collect();
+                let y = vars[0].apply_op3(&vars[1], &vars[2], Dense(activation)).unwrap();
+                (vars, (y * &weights).unwrap().sum_all().unwrap())
+            };
+            let (vars, made) = loss(&values);
+            let store = made.backward().unwrap();
+            for (which, var) in vars.iter().enumerate() {
+                let gradient = store.get(var).unwrap().flatten_all().unwrap();
+                for (k, got) in gradient.to_vec1::<f32>().unwrap().iter().enumerate() {
+                    let at = |step: f32| {
+                        let mut moved = values.clone();
+                        moved[which][k] += step;
+                        loss(&moved).1.to_scalar::<f32>().unwrap()
+                    };
+                    let wanted = (at(1e-2) - at(-1e-2)) / 2e-2;
+                    assert!((got - wanted).abs() < 5e-3, "{activation:?}: {got} against {wanted}");
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,82 @@
+//! z in its principal axes, each of unit variance: what varies little counts as much as what varies much.
+
+use crate::encoder::LATENT;
+use crate::weights::{Tensors, WeightsError};
+
+/// An affine map of z and back.
+#[derive(Clone, Debug)]
+pub struct Whitening {
+    /// Mean of z.
+    pub mean: Vec<f32>,
+    /// Principal axes, one a row, shape (LATENT, LATENT).
+    pub axes: Vec<f32>,
+    /// What counts as one along each axis.
+    pub scale: Vec<f32>,
+}
+
+impl Whitening {
+    /// Leaves z as it is.
+    pub fn identity() -> Self {
+        let axes = (0..LATENT * LATENT).map(|k| f32::from(k % (LATENT + 1) == 0)).collect();
+        Self { mean: vec![0.0; LATENT], axes, scale: vec![1.0; LATENT] }
+    }
+
+    /// Reads `latent.mean`, `latent.axes` and `latent.scale`.
+    pub fn load(tensors: &Tensors) -> Result<Self, WeightsError> {
+        Ok(Self {
+            mean: tensors.get("latent.mean", &[LATENT])?,
+            axes: tensors.get("latent.axes", &[LATENT, LATENT])?,
+            scale: tensors.get("latent.scale", &[LATENT])?,
+        })
+    }
+
+    /// The names, shapes and values that [`Whitening::load`] reads.
+    pub fn tensors(&self) -> [(&'static str, Vec<usize>, &[f32]); 3] {
+        [
+            ("latent.mean", vec![LATENT], &self.mean),
+            ("latent.axes", vec![LATENT, LATENT], &self.axes),
+            ("latent.scale", vec![LATENT], &self.scale),
+        ]
+    }
+
+    /// z as the policy gets it.
+    pub fn apply(&self, z: &[f32]) -> Vec<f32> {
+        let centered: Vec<f32> = z.iter().zip(&self.mean).map(|(z, mean)| z - mean).collect();
+        let along = |axis: &[f32]| axis.iter().zip(&centered).map(|(a, z)| a * z).sum::<f32>();
+        let axes = self.axes.chunks_exact(LATENT);
+        axes.zip(&self.scale).map(|(axis, scale)| along(axis) / scale).collect()
+    }
+
+    /// z as the encoder made it.
+    pub fn undo(&self, white: &[f32]) -> Vec<f32> {
+        let mut z = self.mean.clone();
+        let axes = self.axes.chunks_exact(LATENT);
+        for ((axis, scale), white) in axes.zip(&self.scale).zip(white) {
+            z.iter_mut().zip(axis).for_each(|(z, a)| *z += white * scale * a);
+        }
+        z
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn undoing_gives_back_what_was() {
+        let mut whitening = Whitening::identity();
+        // A turn in the plane of the first two entries.
+        let (sin, cos) = libm::sincosf(0.7);
+        whitening.axes[..2].copy_from_slice(&[cos, sin]);
+        whitening.axes[LATENT..LATENT + 2].copy_from_slice(&[-sin, cos]);
+        whitening.mean = (0..LATENT).map(|i| libm::sinf(i as f32)).collect();
+        whitening.scale = (0..LATENT).map(|i| 0.1 + i as f32).collect();
+        let z: Vec<f32> = (0..LATENT).map(|i| libm::cosf(3.0 * i as f32)).collect();
+        let white = whitening.apply(&z);
+        let wanted = cos * (z[0] - whitening.mean[0]) + sin * (z[1] - whitening.mean[1]);
+        assert!((white[0] * 0.1 - wanted).abs() < 1e-6, "the first axis is turned");
+        for (back, z) in whitening.undo(&white).iter().zip(&z) {
+            assert!((back - z).abs() < 1e-5, "{back} against {z}");
+        }
+    }
+}

@@ -1,0 +1,243 @@
+"""Writes networks.json: the networks in PyTorch, float64, for tests/tests/goldens.rs.
+
+    pip install torch numpy && python tests/golden/networks.py
+
+Nothing here is ported from the Rust: the equations are those of the paper (III-A, III-B, III-D), d psi/dq
+is made by automatic differentiation, neighbourhoods by sorting. Weights, clouds and states are hashes of
+their index, exact in half precision, so that they need not be stored; frequencies come from their seed.
+"""
+
+import json
+import math
+import pathlib
+import xml.etree.ElementTree
+import zlib
+
+import numpy as np
+import torch
+
+HERE = pathlib.Path(__file__).parent
+DOF, LATENT, FREQUENCIES, HIDDEN = 23, 32, 500, 512
+TRIANGLE = DOF * (DOF + 1) // 2
+torch.set_default_dtype(torch.float64)
+
+
+def hashed(name, count):
+    """Multiples of 1/512 in [-1, 1), by name and index."""
+    k = np.arange(count, dtype=np.uint64)
+    h = (k * 2654435761 + zlib.crc32(name.encode())) & 0xFFFFFFFF
+    h = ((h ^ (h >> np.uint64(15))) * 2246822519) & 0xFFFFFFFF
+    return ((h >> np.uint64(22)).astype(np.float64) - 512) / 512
+
+
+def layers(name, widths):
+    """Weights and biases of an MLP; the scale is the power of two at or above sqrt(3 / inputs)."""
+    found = {}
+    for i, (inputs, outputs) in enumerate(zip(widths, widths[1:])):
+        scale = 2.0 ** math.ceil(math.log2(math.sqrt(3 / inputs)))
+        weight = hashed(f"{name}.{i}.weight", inputs * outputs).reshape(inputs, outputs) * scale
+        found[f"{name}.{i}.weight"] = torch.tensor(weight, requires_grad=True)
+        bias = hashed(f"{name}.{i}.bias", outputs) / 8
+        found[f"{name}.{i}.bias"] = torch.tensor(bias, requires_grad=True)
+    return found
+
+
+def mlp(params, name, x, activation, after_last=False):
+    count = sum(key.startswith(f"{name}.") and key.endswith("weight") for key in params)
+    for i in range(count):
+        x = x @ params[f"{name}.{i}.weight"] + params[f"{name}.{i}.bias"]
+        if i + 1 < count or after_last:
+            x = activation(x)
+    return x
+
+
+def chacha8(seed):
+    """The words of rand_chacha's ChaCha8Rng::seed_from_u64."""
+    key, state, mask = [], seed, (1 << 64) - 1
+    for _ in range(8):
+        state = (state * 6364136223846793005 + 11634580027462260723) & mask
+        word = (((state >> 18) ^ state) >> 27) & 0xFFFFFFFF
+        turn = state >> 59
+        key.append(((word >> turn) | (word << (32 - turn))) & 0xFFFFFFFF)
+    counter = 0
+    while True:
+        start = [0x61707865, 0x3320646E, 0x79622D32, 0x6B206574, *key]
+        start += [counter & 0xFFFFFFFF, counter >> 32, 0, 0]
+        x = list(start)
+
+        def quarter(a, b, c, d):
+            for p, q, r, by in ((a, b, d, 16), (c, d, b, 12), (a, b, d, 8), (c, d, b, 7)):
+                x[p] = (x[p] + x[q]) & 0xFFFFFFFF
+                v = x[r] ^ x[p]
+                x[r] = ((v << by) | (v >> (32 - by))) & 0xFFFFFFFF
+
+        for _ in range(4):
+            for column in range(4):
+                quarter(column, column + 4, column + 8, column + 12)
+            for column in range(4):
+                quarter(
+                    column,
+                    4 + (column + 1) % 4,
+                    8 + (column + 2) % 4,
+                    12 + (column + 3) % 4,
+                )
+        yield from ((a + b) & 0xFFFFFFFF for a, b in zip(x, start))
+        counter += 1
+
+
+def frequencies(blocks, seed):
+    """Gaussian frequencies, block by block, each with its length scale."""
+    words = chacha8(seed)
+    rows = []
+    for size, length_scale in blocks:
+        for _ in range(size * FREQUENCIES):
+            u, v = ((next(words) >> 8) / 2.0**24 for _ in range(2))
+            normal = math.sqrt(-2 * math.log(1 - u)) * math.cos(2 * math.pi * v)
+            rows.append(normal / length_scale)
+    return torch.tensor(rows).reshape(-1, FREQUENCIES)
+
+
+def limits():
+    """Lower and upper limits of the 23 joints."""
+    robot = xml.etree.ElementTree.parse(HERE / "../../assets/robot/iiwa7_allegro.urdf")
+    found = [j.find("limit") for j in robot.iter("joint") if j.get("type") == "revolute"]
+    bound = lambda which: torch.tensor([float(limit.get(which)) for limit in found])
+    return bound("lower"), bound("upper")
+
+
+def positive(x):
+    return torch.nn.functional.elu(x) + 1 + 1e-3
+
+
+def metric(entries):
+    """M = U U^T + 0.01 I with a lower triangular U and a positive diagonal (III-B)."""
+    u = torch.zeros(*entries.shape[:-1], DOF, DOF)
+    rows, columns = torch.tril_indices(DOF, DOF)
+    u[..., rows, columns] = entries
+    diagonal = torch.diagonal(u, dim1=-2, dim2=-1)
+    u = u - torch.diag_embed(diagonal) + torch.diag_embed(positive(diagonal))
+    return u @ u.transpose(-1, -2) + 0.01 * torch.eye(DOF)
+
+
+def ngf(params, config, q, qd, z):
+    """Eq. 3 to 5: q'' of a batch, with psi and its gradient."""
+    lower, upper = limits()
+    q = q.detach().requires_grad_()
+    scaled = (2 * q - upper - lower) / (upper - lower)
+    unit = qd / torch.sqrt((qd**2).sum(-1, keepdim=True) + 1e-6)
+    position = (DOF, config["position_scale"])
+    velocity = (DOF, config["velocity_scale"])
+    latent = (LATENT, config["latent_scale"])
+
+    def network(index, name, speed):
+        blocks = [position, latent] if speed is None else [position, velocity, latent]
+        x = torch.cat([scaled, z] if speed is None else [scaled, speed, z], -1)
+        phases = x @ frequencies(blocks, config["frequency_seed"] + index)
+        features = torch.cat([phases.cos(), phases.sin()], -1)
+        return mlp(params, name, features, torch.nn.functional.elu)
+
+    metric_g = metric(network(0, "geometry_metric", unit))
+    chi = network(1, "geometry", unit)
+    metric_f = metric(network(2, "driving_metric", None))
+    bowl = 0.5 * config["bowl"] * ((q - torch.tensor(config["rest"])) ** 2).sum(-1)
+    psi = config["potential_scale"] * network(3, "potential", None)[:, 0] + bowl
+    slope = torch.autograd.grad(psi.sum(), q, create_graph=True)[0]
+    damping = positive(network(4, "damping", qd))
+
+    speed2 = (qd**2).sum(-1, keepdim=True)
+    solve = lambda f: torch.linalg.solve(metric_g + metric_f, f[..., None])[..., 0]
+    h = -solve((metric_g @ (speed2 * chi)[..., None])[..., 0])
+    alpha = -(qd * h).sum(-1, keepdim=True) / (speed2 + 1e-6)
+    qdd = h + alpha * qd - solve(slope + damping * qd) - 5.0 * qd
+    return qdd, psi, slope
+
+
+MIDDLE, SCALE = torch.tensor([0.6, 0.0, -0.15]).float().double(), 0.2
+
+
+def encode(params, cloud):
+    """PointNet layers over 128 neighbourhoods of 16, then the largest over all (III-D)."""
+    centers = cloud[:128]
+    distance = ((centers[:, None] - cloud[None]) ** 2).sum(-1)
+    near = torch.sort(distance, dim=1, stable=True).indices[:, :16]
+    place = (centers - MIDDLE) / SCALE
+    offset = (cloud[near] - centers[:, None]) / 0.02
+    local = torch.cat([offset, place[:, None].expand_as(offset)], -1)
+    local = mlp(params, "encoder.local", local, torch.relu, True).amax(1)
+    strongest = mlp(params, "encoder.global", torch.cat([local, place], -1), torch.relu, True).amax(0)
+    return mlp(params, "encoder.readout", strongest, torch.relu)
+
+
+def chamfer(a, b):
+    distance = ((a[:, None] - b[None]) ** 2).sum(-1)
+    return distance.min(1).values.mean() + distance.min(0).values.mean()
+
+
+def gradients(loss, params):
+    """Of each parameter: the norm, and the values at a few places. psi's last bias has none."""
+    found = {}
+    made = torch.autograd.grad(loss, params.values(), allow_unused=True, materialize_grads=True)
+    for name, g in zip(params, made):
+        g = g.flatten()
+        places = [(7919 * i) % len(g) for i in range(6)]
+        found[name] = {"norm": g.norm().item(), "at": places, "values": g[places].tolist()}
+    return found
+
+
+def main():
+    config = {
+        "hidden": HIDDEN,
+        "frequency_seed": 2309,
+        "position_scale": 1.0,
+        "velocity_scale": 3.0,
+        "latent_scale": 8.0,
+        "potential_scale": 100.0,
+        "bowl": 450.0,
+        "rest": hashed("rest", DOF).tolist(),
+    }
+    outputs = {
+        "geometry_metric": TRIANGLE,
+        "geometry": DOF,
+        "driving_metric": TRIANGLE,
+        "potential": 1,
+        "damping": 1,
+    }
+    params = {}
+    for name, size in outputs.items():
+        params |= layers(name, [2 * FREQUENCIES, HIDDEN, HIDDEN, HIDDEN, size])
+    batch = 4
+    q = torch.tensor(hashed("q", batch * DOF).reshape(batch, DOF))
+    qd = torch.tensor(hashed("qd", batch * DOF).reshape(batch, DOF))
+    qd[0] = 0
+    z = torch.tensor(2 * hashed("z", batch * LATENT).reshape(batch, LATENT))
+    qdd, psi, slope = ngf(params, config, q, qd, z)
+    weights = torch.tensor(hashed("weights", batch * DOF).reshape(batch, DOF))
+    policy = {
+        "config": config,
+        "qdd": qdd.tolist(),
+        "potential": psi.tolist(),
+        "slope": slope.tolist(),
+        "gradients": gradients((qdd * weights).sum(), params),
+    }
+
+    params = layers("encoder.local", [6, 32, 64]) | layers("encoder.global", [67, 64, 256])
+    params |= layers("encoder.readout", [256, 128, LATENT])
+    params |= layers("decoder", [LATENT, 256, 256, 3 * 512])
+    # Multiples of 1/4096 m about the middle: squares of their differences are exact in float32.
+    cloud = torch.tensor(hashed("cloud", 3 * 512).reshape(512, 3) / 8)
+    cloud = cloud + torch.tensor([0.625, 0.0, -0.125])
+    latent = encode(params, cloud)
+    made = mlp(params, "decoder", latent, torch.relu).reshape(512, 3)
+    loss = chamfer(made, (cloud - MIDDLE) / SCALE)
+    encoder = {
+        "z": latent.tolist(),
+        "decoded": made.flatten()[:: 7 * 3].tolist(),
+        "chamfer": loss.item(),
+        "gradients": gradients(loss, params),
+    }
+    golden = {"torch": torch.__version__, "policy": policy, "encoder": encoder}
+    (HERE / "networks.json").write_text(json.dumps(golden, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()
