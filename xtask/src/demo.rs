@@ -1,10 +1,9 @@
-//! `demo` and `bench`: build, then hand over to the `ngf` program.
+//! `demo`: build, then hand over to the `ngf` program.
 
 use crate::page;
 use crate::place::{self, Place};
 use crate::stamp::timed;
 use anyhow::{Context, Result, bail};
-use std::path::Path;
 use std::process::Command;
 
 /// How the page is served.
@@ -27,17 +26,6 @@ pub(crate) fn run(place: &Place, options: &Options) -> Result<()> {
         serve.arg("--open");
     }
     become_program(&mut serve)
-}
-
-/// Runs the measurements of `ngf bench`.
-pub(crate) fn bench(place: &Place, json: Option<&Path>) -> Result<()> {
-    place::run(&mut place.cargo(&["build", "-q", "-p", "ngf"]))?;
-    let mut bench = place.command(place.program("ngf"), &["bench"]);
-    if let Some(file) = json {
-        // Relative to where the user stands, not to the root folder.
-        bench.arg("--json").arg(std::path::absolute(file)?);
-    }
-    become_program(&mut bench)
 }
 
 /// Page and server side by side: the page's longest step is one thread of the linker.

@@ -2,6 +2,7 @@
 //!
 //! Installs what is missing, builds in the right order, skips what has not changed.
 
+mod bench;
 mod chromium;
 mod demo;
 mod page;
@@ -45,7 +46,7 @@ fn main() -> ExitCode {
         Command::Demo(options) => demo::run(&place, &options).map(|()| true),
         Command::Check => stages::check(&place),
         Command::Test => stages::test(&place),
-        Command::Bench { json } => demo::bench(&place, json.as_deref()).map(|()| true),
+        Command::Bench { json } => bench::run(&place, json.as_deref()).map(|()| true),
     });
     match done {
         Ok(true) => ExitCode::SUCCESS,

@@ -19,6 +19,9 @@ pub(crate) struct Options {
     /// Also write the rows to this file.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
+    /// Print nothing.
+    #[arg(long)]
+    quiet: bool,
 }
 
 /// One measurement: the median over its repeats.
@@ -70,7 +73,7 @@ pub(crate) fn run(options: &Options) -> Result<()> {
         }
     }
     rows.push(Row { name: "physics_tick_in_contact_native", value: median(ticks), unit: "ms" });
-    for row in &rows {
+    for row in rows.iter().filter(|_| !options.quiet) {
         println!("{:32} {:8.3} {}", row.name, row.value, row.unit);
     }
     match &options.json {

@@ -1,0 +1,77 @@
+//! `bench`: what an attempt costs, natively and in the browser, as one table.
+
+use crate::chromium;
+use crate::place::{self, Place};
+use crate::tools;
+use anyhow::{Context, Result};
+use std::path::Path;
+
+/// One measurement: a median, in milliseconds.
+#[derive(Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+struct Row {
+    name: String,
+    value: f64,
+    unit: String,
+}
+
+/// Measures, prints, and writes the rows to `json` if that is given.
+pub(crate) fn run(place: &Place, json: Option<&Path>) -> Result<()> {
+    let mut rows = native(place)?;
+    rows.extend(in_browser(place)?);
+    for row in &rows {
+        println!("{:32} {:8.3} {}", row.name, row.value, row.unit);
+    }
+    if let Some(file) = json {
+        std::fs::write(file, serde_json::to_vec_pretty(&rows)?)
+            .with_context(|| format!("cannot write {}", file.display()))?;
+    }
+    Ok(())
+}
+
+/// The rows of `ngf bench`.
+fn native(place: &Place) -> Result<Vec<Row>> {
+    place::run(&mut place.cargo(&["build", "-q", "-p", "ngf"]))?;
+    let file = place.target.join("bench.json");
+    let mut bench = place.command(place.program("ngf"), &["bench", "--quiet", "--json"]);
+    place::run(bench.arg(&file))?;
+    Ok(serde_json::from_slice(&std::fs::read(&file)?)?)
+}
+
+/// The rows that `wasm/benches/attempt.rs` prints, built as the page's worker is.
+fn in_browser(place: &Place) -> Result<Vec<Row>> {
+    let chromium = chromium::find(place)?;
+    tools::wasm_target(place)?;
+    place::run(&mut place.cargo(&["build", "-q", "-p", "wasm-test-runner"]))?;
+    let target = ["--target", "wasm32-unknown-unknown", "--profile", "wasm"];
+    let mut cargo = place.cargo(&["bench", "-q", "-p", "wasm", "--bench", "attempt"]);
+    let said = place::read(
+        cargo
+            .args(target)
+            .env("CARGO_TARGET_WASM32_UNKNOWN_UNKNOWN_RUNNER", place.program("wasm-test-runner"))
+            .env("CHROMEDRIVER", chromium.driver)
+            .env("WASM_BINDGEN_TEST_TIMEOUT", "300"),
+    )?;
+    Ok(said.lines().filter_map(row).collect())
+}
+
+/// `row NAME VALUE UNIT`, with whatever the runner puts before it.
+fn row(line: &str) -> Option<Row> {
+    let words: Vec<&str> = line.split_whitespace().collect();
+    let at = words.iter().position(|word| *word == "row")?;
+    let [name, value, unit] = words.get(at + 1..)? else { return None };
+    let value = value.parse().ok()?;
+    Some(Row { name: (*name).to_owned(), value, unit: (*unit).to_owned() })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_are_found_among_what_a_runner_prints() {
+        let found = row("    row tick_wasm 3.25 ms").unwrap();
+        assert_eq!((found.name.as_str(), found.value), ("tick_wasm", 3.25));
+        assert_eq!(row("test attempt::rows ... ok"), None);
+        assert_eq!(row("row without a number"), None);
+    }
+}
