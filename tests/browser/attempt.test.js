@@ -6,6 +6,7 @@ import { mkdtempSync, readFileSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
+import { fileURLToPath } from "node:url";
 import { open, screenshot, untilReady, visit } from "./chromium.js";
 
 let served;
@@ -28,6 +29,7 @@ async function grasp(page, seed) {
 test("the sugar box gets a verdict, and the same seed the same end", async () => {
   const { page } = await visit(served);
   await untilReady(page);
+  assert.match(await page.textContent("#model"), /Policy "default" acts/);
   await page.selectOption("#speed", "4");
   const first = await grasp(page, 0);
   await screenshot(page, "verdict");
@@ -42,7 +44,8 @@ test("the sugar box gets a verdict, and the same seed the same end", async () =>
 test("seeds 0 to 4 end in the browser as they do natively", async () => {
   const report = join(mkdtempSync(join(tmpdir(), "ngf-")), "report.json");
   const options = ["--object", "sugar_box", "--attempts", "5", "--seed", "0", "--json", report];
-  execFileSync(process.env.NGF, ["evaluate", "--model", "planner", ...options]);
+  const model = fileURLToPath(new URL("../../models/default", import.meta.url));
+  execFileSync(process.env.NGF, ["evaluate", "--model", model, ...options]);
   const [{ rows }] = JSON.parse(readFileSync(report, "utf8"));
   const { page } = await visit(served);
   await untilReady(page);

@@ -23,10 +23,27 @@ test("a mesh is read, measured, and its unit set right", async () => {
   await page.waitForFunction(() => document.getElementById("report-size").textContent === "4.0 × 6.0 × 12.0 cm");
   assert.equal(await page.getAttribute("#unit-choice [value=mm]", "aria-pressed"), "true");
   await screenshot(page, "upload");
+  await page.selectOption("#speed", "4");
+  await page.click("#grasp");
+  await page.waitForSelector("[data-phase=verdict].is-now");
+  assert.match(await page.textContent("#hash"), /^Seed 0 /);
+  assert.match(await page.textContent("#tally"), /^[01] of 1 lifted$/);
+  await screenshot(page, "upload-verdict");
   await page.click("#unit-choice [value=in]");
   await page.waitForFunction(() => document.getElementById("report-size").textContent.startsWith("101.6"));
   await page.close();
 });
+
+// A binary PLY file of three million triangles over a handful of vertices.
+function large() {
+  const head = `ply\nformat binary_little_endian 1.0\nelement vertex 4\nproperty uchar x\nproperty uchar y\nproperty uchar z
+element face 3000000\nproperty list uchar uint vertex_indices\nend_header\n`;
+  const vertices = Buffer.from([0, 0, 0, 9, 0, 0, 0, 9, 0, 0, 0, 9]);
+  const face = Buffer.alloc(13);
+  face.writeUInt8(3, 0);
+  [0, 1, 2].forEach((index, corner) => face.writeUInt32LE(index, 1 + 4 * corner));
+  return Buffer.concat([Buffer.from(head), vertices, Buffer.alloc(13 * 3_000_000, face)]);
+}
 
 test("bad files each say what is wrong, and the scene goes on", async () => {
   const { page, complaints } = await visit(served);
@@ -38,6 +55,8 @@ test("bad files each say what is wrong, and the scene goes on", async () => {
     ["nan.obj", BOX.replace("v 40 0 0", "v nan 0 0"), /coordinate/],
     ["flat.obj", "v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n", /area/],
     ["letter.obj", "Dear reader, this is no mesh.\n", /not a mesh|expected/],
+    ["picture.obj", Buffer.from("\x89PNG\r\n\x1a\n0000000000000000", "latin1"), /looks like/],
+    ["large.ply", large(), /at most 2000000/],
   ]) {
     await page.setInputFiles("#file", file(name, text));
     const card = await page.waitForSelector(`.failure:has-text("${name}")`);

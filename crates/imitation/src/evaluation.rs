@@ -41,6 +41,8 @@ pub struct Report {
     pub scene_hash: String,
     /// Hash of the object.
     pub object_hash: String,
+    /// Hash of the model's files, if a model acted.
+    pub model_hash: Option<String>,
     /// Every attempt.
     pub rows: Vec<Row>,
 }
@@ -85,8 +87,18 @@ pub fn evaluate(
         seed,
         scene_hash: scene::config::scene_hash(),
         object_hash: object_hash(object),
+        model_hash: None,
         rows,
     })
+}
+
+/// BLAKE3 over the files of a model, hex.
+pub fn model_hash(files: &[&[u8]]) -> String {
+    let mut hasher = blake3::Hasher::new();
+    files.iter().for_each(|file| {
+        hasher.update(file);
+    });
+    hasher.finalize().to_hex().to_string()
 }
 
 /// Name of a controller in reports.

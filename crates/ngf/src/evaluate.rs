@@ -1,5 +1,6 @@
 //! `ngf evaluate`: attempts by the protocol, with controls, as a table and as JSON.
 
+use crate::card;
 use crate::objects::ObjectOptions;
 use anyhow::{Context, Result, bail};
 use imitation::evaluation::{self, Report};
@@ -28,6 +29,9 @@ pub(crate) struct Options {
     /// Where to write the report.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
+    /// Card of the model to put the counts into.
+    #[arg(long, value_name = "FILE")]
+    card: Option<PathBuf>,
     /// Evaluate the controls too.
     #[arg(long)]
     controls: bool,
@@ -38,10 +42,11 @@ pub(crate) fn run(options: &Options) -> Result<()> {
     let (name, object) = options.object.load()?;
     let mut workcell = Workcell::new()?;
     let mut runs = Vec::new();
+    let mut model_hash = None;
     if options.model == "planner" {
         runs.push((Controller::Planner, object.clone(), "planner"));
     } else {
-        load(&mut workcell, &options.model)?;
+        model_hash = Some(load(&mut workcell, &options.model)?);
         runs.push((Controller::Policy, object.clone(), "policy"));
     }
     if options.controls {
@@ -67,13 +72,14 @@ pub(crate) fn run(options: &Options) -> Result<()> {
             evaluation::evaluate(&workcell, &object, &name, &controller, pose, seeds, &advance)?;
         bar.finish_and_clear();
         report.policy = label.to_owned();
+        report.model_hash.clone_from(&model_hash);
         print(&report);
         reports.push(report);
     }
-    match &options.json {
-        Some(path) => store::write(path, &serde_json::to_vec_pretty(&reports)?),
-        None => Ok(()),
+    if let Some(path) = &options.json {
+        store::write(path, &serde_json::to_vec_pretty(&reports)?)?;
     }
+    options.card.as_ref().map_or(Ok(()), |path| card::update(path, &reports))
 }
 
 fn print(report: &Report) {
@@ -90,8 +96,8 @@ fn print(report: &Report) {
     );
 }
 
-/// Loads a model from models/NAME or from a folder.
-pub(crate) fn load(workcell: &mut Workcell, model: &str) -> Result<()> {
+/// Loads a model from models/NAME or from a folder; gives the hash of its files.
+fn load(workcell: &mut Workcell, model: &str) -> Result<String> {
     let named = Path::new("models").join(model);
     let folder = if named.is_dir() { named } else { PathBuf::from(model) };
     let read = |file: &str| {
@@ -103,10 +109,8 @@ pub(crate) fn load(workcell: &mut Workcell, model: &str) -> Result<()> {
             )
         })
     };
-    workcell.load_model(
-        &read("weights.safetensors")?,
-        &read("starts.safetensors")?,
-        &read("config.json")?,
-    )?;
-    Ok(())
+    let [weights, starts, config] =
+        [read("weights.safetensors")?, read("starts.safetensors")?, read("config.json")?];
+    workcell.load_model(&weights, &starts, &config)?;
+    Ok(evaluation::model_hash(&[&weights, &starts, &config]))
 }

@@ -1,6 +1,7 @@
 //! The command line of ngf-grasp.
 
 mod bench;
+mod card;
 mod dataset;
 mod evaluate;
 mod objects;

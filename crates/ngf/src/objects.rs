@@ -3,7 +3,8 @@
 use anyhow::{Context, Result, bail};
 use geometry::mesh;
 use geometry::object::Object;
-use std::path::PathBuf;
+use std::io::Read;
+use std::path::{Path, PathBuf};
 
 /// The object.
 #[derive(clap::Args)]
@@ -35,8 +36,8 @@ impl ObjectOptions {
                 if !(mass.is_finite() && mass > 0.0) {
                     bail!("--mass must be a positive number of kilograms, found {mass}");
                 }
-                let bytes = std::fs::read(path)
-                    .with_context(|| format!("cannot read {}", path.display()))?;
+                let bytes =
+                    read(path).with_context(|| format!("cannot read {}", path.display()))?;
                 let import = mesh::import(&bytes, None)
                     .with_context(|| format!("{} cannot be used", path.display()))?;
                 let parts = mesh::convex_parts_or_hull(&import.mesh).hulls;
@@ -52,4 +53,11 @@ impl ObjectOptions {
             None => (name, object),
         })
     }
+}
+
+/// The bytes of a file, but not many more than a mesh may have.
+fn read(path: &Path) -> std::io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    std::fs::File::open(path)?.take(mesh::MAX_BYTES as u64 + 1).read_to_end(&mut bytes)?;
+    Ok(bytes)
 }

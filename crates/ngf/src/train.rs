@@ -59,7 +59,7 @@ const ENVIRONMENT: [(&str, &str); 4] = [
 ];
 
 /// Steps between two looks at free roll-outs.
-const EVALUATION: u64 = 5000;
+const EVALUATION: u64 = 10_000;
 
 pub(crate) fn run(options: &Options) -> Result<()> {
     if ENVIRONMENT.iter().any(|(name, value)| std::env::var(name).as_deref() != Ok(value)) {
@@ -121,7 +121,7 @@ fn policy(run: &Run) -> Result<()> {
                 let tensors = ::policy::weights::Tensors::parse(&weights)?;
                 let ngf = ::policy::Ngf::load(&tensors, &config.ngf, &tree.limits)?;
                 for (label, lessons) in [("taught", &taught), ("held out", &held_out)] {
-                    let shown = &lessons[..lessons.len().min(20)];
+                    let shown = &lessons[..lessons.len().min(10)];
                     let errors = training::fingertip_errors(&tree, &ngf, shown);
                     if let (Some(median), Some(p90)) =
                         (errors.get(errors.len() / 2), errors.get(errors.len() * 9 / 10))

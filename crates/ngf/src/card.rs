@@ -1,0 +1,70 @@
+//! The card of a model: what trained it, and how well it does, kept as `card.json` beside its weights.
+
+use anyhow::{Context, Result};
+use imitation::evaluation::Report;
+use imitation::store;
+use serde_json::{Map, Value, json};
+use std::path::Path;
+
+/// Puts reports into a card: each replaces that of the same policy, object and model; the rest stays as
+/// it was.
+pub(crate) fn update(path: &Path, reports: &[Report]) -> Result<()> {
+    let mut card: Map<String, Value> = match std::fs::read(path) {
+        Ok(bytes) => serde_json::from_slice(&bytes).with_context(|| {
+            format!("{} is not a card: delete it to begin anew", path.display())
+        })?,
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Map::new(),
+        Err(error) => return Err(error).context(format!("cannot read {}", path.display())),
+    };
+    let before = card.remove("evaluation");
+    let mut entries: Vec<Value> =
+        before.as_ref().and_then(Value::as_array).cloned().unwrap_or_default();
+    for report in reports {
+        let mut entry = serde_json::to_value(report)?;
+        // The attempts themselves follow from the seeds.
+        entry.as_object_mut().map(|entry| entry.remove("rows"));
+        entries.retain(|other| ["policy", "object"].iter().any(|key| other[key] != entry[key]));
+        entries.push(entry);
+    }
+    card.insert("evaluation".into(), json!(entries));
+    store::write(path, &serde_json::to_vec_pretty(&card)?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::BTreeMap;
+
+    fn report(policy: &str, lifted: usize) -> Report {
+        Report {
+            policy: policy.into(),
+            object: "sugar_box".into(),
+            attempts: 10,
+            lifted,
+            wilson95: [0.0, 1.0],
+            failures: BTreeMap::new(),
+            seed: 0,
+            scene_hash: "s".into(),
+            object_hash: "o".into(),
+            model_hash: None,
+            rows: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn a_report_replaces_its_predecessor_and_nothing_else() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("card.json");
+        std::fs::write(&path, r#"{"training": "two hours"}"#).unwrap();
+        update(&path, &[report("policy", 3), report("zero z", 1)]).unwrap();
+        update(&path, &[report("policy", 7)]).unwrap();
+        let card: Value = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
+        assert_eq!(card["training"], "two hours");
+        let found: Vec<_> = card["evaluation"].as_array().unwrap().iter().collect();
+        assert_eq!(found.len(), 2);
+        assert_eq!((&found[1]["policy"], &found[1]["lifted"]), (&json!("policy"), &json!(7)));
+        assert!(found[0].get("rows").is_none());
+        std::fs::write(&path, "[").unwrap();
+        assert!(update(&path, &[]).unwrap_err().to_string().contains("is not a card"));
+    }
+}

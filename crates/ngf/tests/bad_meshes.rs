@@ -1,0 +1,92 @@
+//! Files that are no meshes: each gets its own message, exit status 2, and no panic.
+
+#![allow(clippy::unwrap_used, reason = "a helper of a test fails by panicking too")]
+
+use std::path::Path;
+use std::process::Command;
+
+/// What `ngf evaluate` says of a mesh file.
+fn complaint(folder: &Path, name: &str, bytes: &[u8]) -> String {
+    let file = folder.join(name);
+    std::fs::write(&file, bytes).unwrap();
+    let output = Command::new(env!("CARGO_BIN_EXE_ngf"))
+        .args(["evaluate", "--model", "planner", "--attempts", "1", "--mass", "0.3", "--mesh"])
+        .arg(&file)
+        .output()
+        .unwrap();
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(2), "{name}: {said}");
+    assert!(said.starts_with("error: ") && said.contains(name), "{name}: {said}");
+    assert!(!said.contains("panicked"), "{name}: {said}");
+    said
+}
+
+/// A binary PLY file of `faces` triangles over a grid of vertices.
+fn ply(faces: u32) -> Vec<u8> {
+    let side = (faces as f32 / 2.0).sqrt().ceil() as u32;
+    let vertices = (side + 1) * (side + 1);
+    let mut bytes = format!(
+        "ply\nformat binary_little_endian 1.0\nelement vertex {vertices}\nproperty uchar x\n\
+         property uchar y\nproperty uchar z\nelement face {faces}\n\
+         property list uchar uint vertex_indices\nend_header\n"
+    )
+    .into_bytes();
+    bytes.extend((0..vertices).flat_map(|v| [(v % 251) as u8, (v / 251 % 251) as u8, 1]));
+    for face in 0..faces {
+        let corner = face / 2 % side + (face / 2 / side) * (side + 1);
+        bytes.push(3);
+        for index in [corner, corner + 1, corner + side + 1 + face % 2] {
+            bytes.extend(index.to_le_bytes());
+        }
+    }
+    bytes
+}
+
+#[test]
+fn each_bad_file_has_its_own_message() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut short_stl = vec![0u8; 80];
+    short_stl.extend(12u32.to_le_bytes());
+    short_stl.extend([0; 50]);
+    let flat = "v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n";
+    let cases: [(&str, Vec<u8>, &str); 7] = [
+        ("empty.obj", vec![], "the file is empty"),
+        ("truncated.stl", short_stl, "ends early"),
+        ("nan.obj", b"v 0 0 0\nv nan 0 0\nv 0 1 0\nf 1 2 3\n".to_vec(), "a coordinate is"),
+        ("flat.obj", flat.into(), "zero area"),
+        ("large.ply", ply(3_000_000), "at most 2000000 are read"),
+        ("picture.obj", b"\x89PNG\r\n\x1a\n0000000000000000".to_vec(), "this looks like"),
+        ("notes.stl", b"Dear diary, today I forgot the mesh.\n".to_vec(), "not a mesh"),
+    ];
+    let mut said = Vec::new();
+    for (name, bytes, wanted) in cases {
+        let message = complaint(folder.path(), name, &bytes);
+        println!("{}", message.trim_end().replace(&folder.path().display().to_string(), ""));
+        assert!(message.contains(wanted), "{name}: wanted \"{wanted}\" in \"{message}\"");
+        said.push(message.replace(name, ""));
+    }
+    said.sort();
+    said.dedup();
+    assert_eq!(said.len(), 7, "two files got the same message: {said:?}");
+}
+
+#[test]
+fn an_extension_does_not_matter() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("box.stl");
+    std::fs::write(
+        &file,
+        "v 0 0 0\nv 40 0 0\nv 40 60 0\nv 0 60 0\nv 0 0 120\nv 40 0 120\nv 40 60 120\nv 0 60 120\n\
+         f 1 4 3 2\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n",
+    )
+    .unwrap();
+    let output = Command::new(env!("CARGO_BIN_EXE_ngf"))
+        .args(["evaluate", "--model", "planner", "--attempts", "1", "--mass", "0.3", "--mesh"])
+        .arg(&file)
+        .output()
+        .unwrap();
+    let said = String::from_utf8(output.stderr).unwrap();
+    // It is read for what it is; the planner has no grasps of it, which is another matter.
+    assert!(said.contains("the planner knows no grasps of box"), "{said}");
+    assert_eq!(output.status.code(), Some(2));
+}
