@@ -63,17 +63,17 @@ impl DaggerConfig {
     /// Full size.
     pub fn standard() -> Self {
         Self {
-            steps: 80_000,
-            potential_share: 0.8,
+            steps: 72_000,
+            potential_share: 0.95,
             batch: 128,
             shards: 2,
-            rate: 1e-3,
-            horizon: 30,
-            growth: [0.3, 0.7],
-            noise: [0.03, 0.05, 0.1],
+            rate: 5e-4,
+            horizon: 90,
+            growth: [0.3, 0.6],
+            noise: [0.12, 0.1, 0.3],
             arm_weight: 2.0,
             metric_weight: 10.0,
-            start_share: 0.15,
+            start_share: 0.25,
             gains: Gains { position: 225.0, velocity: 30.0 },
             lead: 0.12,
             ngf: NgfConfig::paper(),
@@ -94,7 +94,7 @@ impl DaggerConfig {
 }
 
 /// Steps of a roll-out that begins where an attempt does.
-const START_HORIZON: usize = 90;
+const START_HORIZON: usize = 120;
 
 /// What the policy learns from: the demonstrations of one object pose and z of its clouds.
 pub struct Lesson {
