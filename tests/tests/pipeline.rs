@@ -36,13 +36,24 @@ fn a_tiny_model_is_made_and_acts() {
         DaggerConfig { steps: 50, batch: 8, ngf: NgfConfig::tiny(), ..DaggerConfig::standard() };
     let mut losses = Vec::new();
     let limits = &robot.tree.limits;
-    let params = dagger::train(&taught, limits, &steps, &out, &mut |_, _, loss, _| {
+    let params = dagger::train(&taught, limits, &steps, None, &out, &mut |_, _, loss, _| {
         losses.push(loss);
         Ok(true)
     })
     .unwrap();
     assert!(losses.len() == 1 && losses[0].is_finite(), "{losses:?}");
     training::write_model(&out, &encoder, &params, &steps, &taught).unwrap();
+
+    // Training goes on from a model where it stopped, but for the rounding of its weights.
+    let weights = std::fs::read(out.join("weights.safetensors")).unwrap();
+    let no_steps = DaggerConfig { steps: 0, ..steps };
+    let elsewhere = folder.path().join("again");
+    let again =
+        dagger::train(&taught, limits, &no_steps, Some(&weights), &elsewhere, &mut |_, _, _, _| {
+            Ok(true)
+        });
+    let pairs = params.values().unwrap().into_iter().zip(again.unwrap().values().unwrap());
+    assert!(pairs.into_iter().all(|(a, b)| (a - b).abs() <= 1e-3 * a.abs() + 1e-6));
 
     let mut workcell = Workcell::new().unwrap();
     let read = |file: &str| std::fs::read(out.join(file)).unwrap();

@@ -113,12 +113,14 @@ struct Visit {
     left: usize,
 }
 
-/// Trains the five networks; continues from a checkpoint in `out`. `progress` gets step, steps, the
+/// Trains the five networks, fresh ones or those of the weights `begin`; continues from a checkpoint in
+/// `out`. `progress` gets step, steps, the
 /// mean loss since the last call, and the parameters; it may stop the training by `false`.
 pub fn train(
     lessons: &[Lesson],
     limits: &Limits,
     config: &DaggerConfig,
+    begin: Option<&[u8]>,
     out: &Path,
     progress: &mut dyn FnMut(u64, u64, f32, &Params) -> Result<bool>,
 ) -> Result<Params> {
@@ -129,6 +131,9 @@ pub fn train(
     let mut rng = ChaCha8Rng::seed_from_u64(config.seed);
     let mut params = Params::default();
     ngf::init(&mut params, &config.ngf, &mut rng)?;
+    if let Some(weights) = begin {
+        params.restore(weights)?;
+    }
     let network = Ngf::new(&config.ngf, limits)?;
     let mut adam = AdamW::new(params.count(), 1e-4);
     let checkpoint = out.join("policy.checkpoint.safetensors");

@@ -49,6 +49,14 @@ impl TrainedEncoder {
         Ok(Self { params, whitening })
     }
 
+    /// The encoder of a model, from its weights.
+    pub fn of_model(weights: &[u8]) -> Result<Self> {
+        let mut params = Params::default();
+        twin::init(&mut params, &mut ChaCha8Rng::seed_from_u64(0))?;
+        params.restore(weights)?;
+        Ok(Self { params, whitening: Whitening::load(&Tensors::parse(weights)?)? })
+    }
+
     /// Whitened z of clouds.
     pub fn encode(&self, clouds: &[Vec<f32>]) -> Result<Vec<Vec<f32>>> {
         let latents = encode_all(&self.params, clouds)?;

@@ -6,8 +6,9 @@ use imitation::dagger::{self, DaggerConfig};
 use imitation::dataset::Dataset;
 use imitation::store;
 use imitation::training::{self, TrainedEncoder};
+use ::policy::model::ModelConfig;
 use robot::Tree;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::Instant;
 
@@ -44,6 +45,9 @@ pub(crate) struct Run {
     /// Peak learning rate instead of the standard one.
     #[arg(long)]
     rate: Option<f32>,
+    /// Folder of a model to continue from instead of beginning anew: its encoder and its policy.
+    #[arg(long, value_name = "DIR")]
+    from: Option<PathBuf>,
     /// Learn from this many object poses only.
     #[arg(long)]
     poses: Option<usize>,
@@ -99,10 +103,17 @@ fn policy(run: &Run) -> Result<()> {
     let tree = Tree::iiwa7_allegro()?;
     let mut dataset = Dataset::open(&run.data)?;
     dataset.config.poses = run.poses.unwrap_or(dataset.config.poses).min(dataset.config.poses);
-    let encoder = TrainedEncoder::load(&run.out)?;
+    let begin = run.from.as_deref().map(read_model).transpose()?;
+    let encoder = match &begin {
+        Some((weights, _)) => TrainedEncoder::of_model(weights)?,
+        None => TrainedEncoder::load(&run.out)?,
+    };
     let (taught, held_out) = training::lessons(&dataset, &encoder)?;
     println!("{} object poses to learn from, {} held out", taught.len(), held_out.len());
-    config.ngf.rest = training::mean_configuration(&taught);
+    match &begin {
+        Some((_, model)) => config.ngf = model.ngf.clone(),
+        None => config.ngf.rest = training::mean_configuration(&taught),
+    }
     store::write(&run.out.join("dagger.json"), &serde_json::to_vec_pretty(&config)?)?;
 
     let began = Instant::now();
@@ -111,6 +122,7 @@ fn policy(run: &Run) -> Result<()> {
         &taught,
         &tree.limits,
         &config,
+        begin.as_ref().map(|(weights, _)| weights.as_slice()),
         &run.out,
         &mut |step, steps, loss, params| {
             let first = *first.get_or_insert(step);
@@ -139,4 +151,13 @@ fn policy(run: &Run) -> Result<()> {
         },
     )?;
     training::write_model(&run.out, &encoder, &params, &config, &taught)
+}
+
+/// Weights and configuration of a model.
+fn read_model(folder: &Path) -> Result<(Vec<u8>, ModelConfig)> {
+    let read = |file: &str| {
+        let path = folder.join(file);
+        std::fs::read(&path).with_context(|| format!("cannot read {}", path.display()))
+    };
+    Ok((read("weights.safetensors")?, serde_json::from_slice(&read("config.json")?)?))
 }

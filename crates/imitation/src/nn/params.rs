@@ -115,11 +115,11 @@ impl Params {
         Ok(safetensors::serialize(views, None::<HashMap<String, String>>)?)
     }
 
-    /// Sets the parameters from tensors in single precision of the same names.
+    /// Sets the parameters from tensors of the same names, in half or single precision.
     pub fn restore(&self, bytes: &[u8]) -> Result<()> {
-        let tensors = SafeTensors::deserialize(bytes)?;
+        let tensors = policy::weights::Tensors::parse(bytes)?;
         for (name, var) in &self.vars {
-            let values = crate::store::values(&tensors, name)?;
+            let values = tensors.get(name, var.dims())?;
             var.set(&Tensor::from_vec(values, var.shape(), &Device::Cpu)?)?;
         }
         Ok(())
