@@ -6,7 +6,7 @@ use candle_core::{Device, Tensor, Var};
 use half::f16;
 use rand_chacha::ChaCha8Rng;
 use safetensors::tensor::TensorView;
-use safetensors::{Dtype, SafeTensors};
+use safetensors::Dtype;
 use std::collections::{BTreeMap, HashMap};
 
 /// Parameters in the order of their names.
