@@ -1,12 +1,12 @@
 //! `ngf train encoder` and `ngf train policy`: training with checkpoints; a killed run continues.
 
+use ::policy::model::ModelConfig;
 use anyhow::{Context, Result, bail};
 use imitation::autoencoder::{self, AutoencoderConfig};
 use imitation::dagger::{self, DaggerConfig};
 use imitation::dataset::Dataset;
 use imitation::store;
 use imitation::training::{self, TrainedEncoder};
-use ::policy::model::ModelConfig;
 use robot::Tree;
 use std::path::{Path, PathBuf};
 use std::process::Command;

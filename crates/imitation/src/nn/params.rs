@@ -5,8 +5,8 @@ use candle_core::backprop::GradStore;
 use candle_core::{Device, Tensor, Var};
 use half::f16;
 use rand_chacha::ChaCha8Rng;
-use safetensors::tensor::TensorView;
 use safetensors::Dtype;
+use safetensors::tensor::TensorView;
 use std::collections::{BTreeMap, HashMap};
 
 /// Parameters in the order of their names.
