@@ -43,10 +43,12 @@ fn in_browser(place: &Place) -> Result<Vec<Row>> {
     tools::wasm_target(place)?;
     place::run(&mut place.cargo(&["build", "-q", "-p", "wasm-test-runner"]))?;
     let target = ["--target", "wasm32-unknown-unknown", "--profile", "wasm"];
-    let mut cargo = place.cargo(&["bench", "-q", "-p", "wasm", "--bench", "attempt"]);
+    // The runner of browser tests knows neither `--bench` nor `--quiet`, which `cargo bench` passes on.
+    let mut cargo = place.cargo(&["test", "-p", "wasm", "--bench", "attempt"]);
     let said = place::read(
         cargo
             .args(target)
+            .args(["--", "--nocapture"])
             .env("CARGO_TARGET_WASM32_UNKNOWN_UNKNOWN_RUNNER", place.program("wasm-test-runner"))
             .env("CHROMEDRIVER", chromium.driver)
             .env("WASM_BINDGEN_TEST_TIMEOUT", "300"),
