@@ -150,9 +150,9 @@ impl Dataset {
         let work: Vec<usize> = (0..total).collect();
         work.par_iter().by_uniform_blocks(BLOCK).try_for_each(|i| -> Result<()> {
             let (name, object, grasps) = &subjects[i % subjects.len()];
-            let path = self.pose_path(name, i / subjects.len());
+            let index = i / subjects.len();
+            let path = self.pose_path(name, index);
             if !path.exists() {
-                let index = i / subjects.len();
                 let record = self.make_pose(robot, &eye, name, object, grasps, index)?;
                 store::write(&path, &store::encode_pose(&record)?)?;
             }

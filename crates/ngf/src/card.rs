@@ -6,8 +6,7 @@ use imitation::store;
 use serde_json::{Map, Value, json};
 use std::path::Path;
 
-/// Puts reports into a card: each replaces that of the same policy, object and model; the rest stays as
-/// it was.
+/// Puts reports into a card: each replaces that of the same policy and object; the rest stays as it was.
 pub(crate) fn update(path: &Path, reports: &[Report]) -> Result<()> {
     let mut card: Map<String, Value> = match std::fs::read(path) {
         Ok(bytes) => serde_json::from_slice(&bytes).with_context(|| {
