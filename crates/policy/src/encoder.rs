@@ -160,7 +160,9 @@ mod tests {
     fn mlp(widths: &[usize]) -> Mlp {
         let wave = |k: usize| libm::sinf((k * k + 7 * k + widths[0]) as f32);
         let dense = |pair: &[usize]| Dense {
-            weight: (0..pair[0] * pair[1]).map(|k| wave(k) / (pair[0] as f32).sqrt()).collect(),
+            weight: (0..pair[0] * pair[1])
+                .map(|k| half::f16::from_f32(wave(k) / (pair[0] as f32).sqrt()))
+                .collect(),
             bias: (0..pair[1]).map(|k| 0.1 * wave(k + 3)).collect(),
         };
         Mlp { layers: widths.windows(2).map(dense).collect(), activation: RELU }

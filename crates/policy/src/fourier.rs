@@ -2,6 +2,7 @@
 //!
 //! The frequencies are drawn from a seed and never stored, so they are the same everywhere.
 
+use crate::lanes;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -72,21 +73,8 @@ impl Fourier {
         let phases: Vec<f32> =
             (0..FREQUENCIES).map(|k| cosines[k] * of_sines[k] - sines[k] * of_cosines[k]).collect();
         let rows = self.frequencies.chunks_exact(FREQUENCIES).take(count);
-        rows.map(|row| dot(row, &phases)).collect()
+        rows.map(|row| lanes::dot::<8, _>(row, &phases, |w| w)).collect()
     }
-}
-
-/// Sum of products in eight interleaved partial sums: one order, on every machine.
-fn dot(a: &[f32], b: &[f32]) -> f32 {
-    let mut lanes = [0.0f32; 8];
-    let (a_chunks, b_chunks) = (a.chunks_exact(8), b.chunks_exact(8));
-    let rest: f32 = a_chunks.remainder().iter().zip(b_chunks.remainder()).map(|(a, b)| a * b).sum();
-    for (a, b) in a_chunks.zip(b_chunks) {
-        for (lane, (a, b)) in lanes.iter_mut().zip(a.iter().zip(b)) {
-            *lane += a * b;
-        }
-    }
-    lanes.iter().sum::<f32>() + rest
 }
 
 /// Sine and cosine in single precision without branches, so that compilers may use vectors.
@@ -124,7 +112,7 @@ mod tests {
         for distance in [0.0f32, 1.0, 2.0, 4.0] {
             let a = fourier.features(&[0.3, -0.2, 0.9]);
             let b = fourier.features(&[0.3 + distance, -0.2, 0.9]);
-            let kernel = dot(&a, &b) / FREQUENCIES as f32;
+            let kernel = lanes::dot::<8, _>(&a, &b, |w| w) / FREQUENCIES as f32;
             let wanted = (-distance * distance / 8.0).exp();
             assert!((kernel - wanted).abs() < 0.1, "{kernel} against {wanted} at {distance}");
         }
@@ -146,7 +134,7 @@ mod tests {
         let fourier = Fourier::new(&[Block { size: 4, length_scale: 1.5 }], 3);
         let weights: Vec<f32> = (0..FEATURES).map(|k| libm::sinf(k as f32)).collect();
         let x = [0.1f32, -0.4, 0.7, 0.2];
-        let value = |x: &[f32]| dot(&fourier.features(x), &weights) as f64;
+        let value = |x: &[f32]| lanes::dot::<8, _>(&fourier.features(x), &weights, |w| w) as f64;
         let gradient = fourier.pull_back(&fourier.features(&x), &weights, 4);
         for i in 0..4 {
             let (mut up, mut down) = (x, x);

@@ -6,6 +6,7 @@
 pub mod encoder;
 pub mod fourier;
 pub mod head;
+mod lanes;
 pub mod mlp;
 pub mod model;
 pub mod ngf;

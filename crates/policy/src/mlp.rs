@@ -1,12 +1,15 @@
 //! Fully connected layers, and the gradient of a scalar output (paper §III-B).
 
+use crate::lanes::{self, widen};
 use crate::weights::{Tensors, WeightsError};
+use half::f16;
 
 /// y = xW + b.
 #[derive(Clone, Debug)]
 pub struct Dense {
-    /// W, shape (inputs, outputs), row-major.
-    pub weight: Vec<f32>,
+    /// W, shape (inputs, outputs), row-major; in memory as in the file, because a step of the policy
+    /// takes as long as its weights take from memory.
+    pub weight: Vec<f16>,
     /// b, shape (outputs).
     pub bias: Vec<f32>,
 }
@@ -66,7 +69,7 @@ impl Dense {
         outputs: usize,
     ) -> Result<Self, WeightsError> {
         Ok(Self {
-            weight: tensors.get(&format!("{name}.weight"), &[inputs, outputs])?,
+            weight: tensors.get_half(&format!("{name}.weight"), &[inputs, outputs])?,
             bias: tensors.get(&format!("{name}.bias"), &[outputs])?,
         })
     }
@@ -80,46 +83,44 @@ impl Dense {
     pub fn apply(&self, x: &[f32]) -> Vec<f32> {
         debug_assert_eq!(x.len() * self.bias.len(), self.weight.len());
         let mut y = self.bias.clone();
-        let rows = self.weight.chunks_exact(y.len());
-        // Four rows at a time: fewer passes over y, and still one fixed order of sums.
-        let mut inputs = x.chunks_exact(4);
-        let mut fours = self.weight.chunks_exact(4 * y.len());
-        for (x, four) in inputs.by_ref().zip(fours.by_ref()) {
-            let (r0, rest) = four.split_at(y.len());
-            let (r1, rest) = rest.split_at(y.len());
-            let (r2, r3) = rest.split_at(y.len());
-            let (x0, x1, x2, x3) = (x[0], x[1], x[2], x[3]);
-            for ((((y, a), b), c), d) in y.iter_mut().zip(r0).zip(r1).zip(r2).zip(r3) {
-                *y = (((*y + x0 * a) + x1 * b) + x2 * c) + x3 * d;
-            }
-        }
-        let left = inputs.remainder();
-        for (x, row) in left.iter().zip(rows.skip(x.len() - left.len())) {
-            for (y, w) in y.iter_mut().zip(row) {
-                *y += x * w;
-            }
-        }
+        lanes::widest(
+            #[inline(always)]
+            || add_product(&self.weight, x, &mut y),
+        );
         y
     }
 
     /// Wḡ: the gradient with respect to the inputs.
     fn pull_back(&self, gradient: &[f32]) -> Vec<f32> {
         let rows = self.weight.chunks_exact(gradient.len());
-        rows.map(|row| lanes_dot(row, gradient)).collect()
+        lanes::widest(
+            #[inline(always)]
+            || rows.map(|row| lanes::dot::<16, _>(row, gradient, widen)).collect(),
+        )
     }
 }
 
-/// Sum of products in sixteen interleaved partial sums: one order, on every machine.
-fn lanes_dot(a: &[f32], b: &[f32]) -> f32 {
-    let mut lanes = [0.0f32; 16];
-    let (a_chunks, b_chunks) = (a.chunks_exact(16), b.chunks_exact(16));
-    let rest: f32 = a_chunks.remainder().iter().zip(b_chunks.remainder()).map(|(a, b)| a * b).sum();
-    for (a, b) in a_chunks.zip(b_chunks) {
-        for (lane, (a, b)) in lanes.iter_mut().zip(a.iter().zip(b)) {
-            *lane += a * b;
+/// y += xW.
+#[inline(always)]
+fn add_product(weight: &[f16], x: &[f32], y: &mut [f32]) {
+    let width = y.len();
+    // Four rows at a time: fewer passes over y, and still one fixed order of sums.
+    let mut inputs = x.chunks_exact(4);
+    let mut fours = weight.chunks_exact(4 * width);
+    for (x, four) in inputs.by_ref().zip(fours.by_ref()) {
+        let (r0, rest) = four.split_at(width);
+        let (r1, rest) = rest.split_at(width);
+        let (r2, r3) = rest.split_at(width);
+        let (x0, x1, x2, x3) = (x[0], x[1], x[2], x[3]);
+        for ((((y, a), b), c), d) in y.iter_mut().zip(r0).zip(r1).zip(r2).zip(r3) {
+            *y = (((*y + x0 * widen(*a)) + x1 * widen(*b)) + x2 * widen(*c)) + x3 * widen(*d);
         }
     }
-    lanes.iter().sum::<f32>() + rest
+    for (x, row) in inputs.remainder().iter().zip(fours.remainder().chunks_exact(width)) {
+        for (y, w) in y.iter_mut().zip(row) {
+            *y += x * widen(*w);
+        }
+    }
 }
 
 impl Mlp {
@@ -159,7 +160,7 @@ impl Mlp {
             h.iter_mut().for_each(|h| *h = self.activation.apply(*h));
         }
         let mut gradient: Vec<f32> =
-            last.weight.chunks_exact(last.outputs()).map(|row| row[0]).collect();
+            last.weight.chunks_exact(last.outputs()).map(|row| widen(row[0])).collect();
         for (layer, slope) in hidden.iter().zip(&slopes).rev() {
             gradient.iter_mut().zip(slope).for_each(|(g, s)| *g *= s);
             gradient = layer.pull_back(&gradient);
@@ -180,7 +181,7 @@ mod tests {
     fn dense(inputs: usize, outputs: usize) -> Dense {
         let wave = |k: usize| libm::sinf((3 * k + inputs) as f32) * 0.3;
         Dense {
-            weight: (0..inputs * outputs).map(wave).collect(),
+            weight: (0..inputs * outputs).map(wave).map(f16::from_f32).collect(),
             bias: (0..outputs).map(|k| wave(k + 7)).collect(),
         }
     }
@@ -190,8 +191,8 @@ mod tests {
         let layer = dense(7, 5);
         let x: Vec<f32> = (0..7).map(|k| k as f32 - 3.0).collect();
         for (o, got) in layer.apply(&x).iter().enumerate() {
-            let wanted: f32 =
-                layer.bias[o] + (0..7).map(|i| x[i] * layer.weight[5 * i + o]).sum::<f32>();
+            let wanted: f32 = layer.bias[o]
+                + (0..7).map(|i| x[i] * layer.weight[5 * i + o].to_f32()).sum::<f32>();
             assert!((got - wanted).abs() < 1e-5, "{got} against {wanted}");
         }
     }

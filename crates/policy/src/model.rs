@@ -227,4 +227,18 @@ mod tests {
         let message = load(&whole, &starts, "{}").unwrap_err().to_string();
         assert!(message.contains("configuration") && message.contains("ngf"), "{message}");
     }
+
+    #[test]
+    fn a_setting_that_no_networks_can_be_built_from_is_named() {
+        let tiny = NgfConfig::tiny;
+        for (ngf, named) in [
+            (NgfConfig { hidden: 0, ..tiny() }, "hidden = 0"),
+            (NgfConfig { latent_scale: 0.0, ..tiny() }, "latent_scale = 0"),
+            (NgfConfig { velocity_scale: -1.0, ..tiny() }, "velocity_scale = -1"),
+        ] {
+            let config = serde_json::to_string(&ModelConfig { ngf }).unwrap();
+            let message = load(&bytes(&weights()), &bytes(&starts()), &config).unwrap_err();
+            assert!(message.to_string().contains(named), "{message}");
+        }
+    }
 }

@@ -10,6 +10,9 @@ use robot::{DOF, JointState, JointVector, Limits};
 /// Units of each hidden layer (paper: three of 512).
 pub const HIDDEN: usize = 512;
 
+/// More of them are taken for a mistake.
+const MOST_HIDDEN: usize = 4096;
+
 /// Speed (rad/s) that counts as one in the network's input.
 pub const SPEED_SCALE: f64 = 1.0;
 
@@ -58,6 +61,32 @@ impl NgfConfig {
     pub fn tiny() -> Self {
         Self { hidden: 32, ..Self::paper() }
     }
+
+    /// Refuses what no networks can be built from; the message names the value.
+    pub fn check(&self) -> Result<(), WeightsError> {
+        let refuse = |name: &str, value: f64| {
+            Err(WeightsError::Setting { name: name.to_owned(), value: value.to_string() })
+        };
+        if !(1..=MOST_HIDDEN).contains(&self.hidden) {
+            return refuse("hidden", self.hidden as f64);
+        }
+        let scales = [
+            ("position_scale", self.position_scale),
+            ("velocity_scale", self.velocity_scale),
+            ("latent_scale", self.latent_scale),
+        ];
+        for (name, scale) in scales {
+            if !(scale.is_finite() && scale > 0.0) {
+                return refuse(name, f64::from(scale));
+            }
+        }
+        let numbers = [("potential_scale", f64::from(self.potential_scale)), ("bowl", self.bowl)];
+        let rest = self.rest.iter().map(|q| ("rest", *q));
+        match numbers.into_iter().chain(rest).find(|(_, value)| !value.is_finite()) {
+            Some((name, value)) => refuse(name, value),
+            None => Ok(()),
+        }
+    }
 }
 
 /// Which inputs a network has beside q and z.
@@ -97,7 +126,7 @@ impl Part {
         let q = Block { size: DOF, length_scale: config.position_scale };
         let qd = Block { size: DOF, length_scale: config.velocity_scale };
         let z = Block { size: LATENT, length_scale: config.latent_scale };
-        let seed = config.frequency_seed + index as u64;
+        let seed = config.frequency_seed.wrapping_add(index as u64);
         match self.velocity {
             Velocity::Absent => Fourier::new(&[q, z], seed),
             _ => Fourier::new(&[q, qd, z], seed),
@@ -137,6 +166,7 @@ impl Ngf {
         config: &NgfConfig,
         limits: &Limits,
     ) -> Result<Self, WeightsError> {
+        config.check()?;
         let network = |(i, part): (usize, &Part)| {
             let mlp = Mlp::load(tensors, part.name, &part.widths(config), Activation::Elu)?;
             Ok((part.fourier(config, i), mlp))
@@ -201,7 +231,10 @@ mod tests {
         let dense = |(i, pair): (usize, &[usize])| {
             let wave = |k: usize| libm::sinf((k * k + i) as f32);
             let weight = (0..pair[0] * pair[1]).map(|k| 2.0 * wave(k) / (pair[0] as f32).sqrt());
-            Dense { weight: weight.collect(), bias: (0..pair[1]).map(wave).collect() }
+            Dense {
+                weight: weight.map(half::f16::from_f32).collect(),
+                bias: (0..pair[1]).map(wave).collect(),
+            }
         };
         let network = |(i, part): (usize, &Part)| {
             let layers = part.widths(&config).windows(2).enumerate().map(dense).collect();

@@ -27,6 +27,14 @@ pub enum WeightsError {
     /// A value is not finite.
     #[error("the tensor {0} holds a value that is not finite")]
     NotFinite(String),
+    /// A value of the configuration cannot be used.
+    #[error("the model's configuration has {name} = {value}; write it again with `ngf train`")]
+    Setting {
+        /// Name of the value.
+        name: String,
+        /// The value.
+        value: String,
+    },
     /// The configuration beside the weights does not parse.
     #[error("the model's configuration is not valid: {0}")]
     Config(#[from] serde_json::Error),
@@ -39,6 +47,15 @@ impl<'a> Tensors<'a> {
     /// Parses the bytes; they are not copied.
     pub fn parse(bytes: &'a [u8]) -> Result<Self, WeightsError> {
         Ok(Self(SafeTensors::deserialize(bytes)?))
+    }
+
+    /// Values of a tensor in half precision, row-major; single precision is rounded to the nearest.
+    pub fn get_half(&self, name: &str, shape: &[usize]) -> Result<Vec<f16>, WeightsError> {
+        let values: Vec<f16> = self.get(name, shape)?.into_iter().map(f16::from_f32).collect();
+        if !values.iter().all(|x| x.is_finite()) {
+            return Err(WeightsError::NotFinite(name.to_owned()));
+        }
+        Ok(values)
     }
 
     /// Values of a tensor in single precision, row-major.

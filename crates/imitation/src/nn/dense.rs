@@ -127,12 +127,14 @@ mod tests {
 
     #[test]
     fn it_is_the_layer_that_runs() {
-        let layer = policy::mlp::Dense { weight: wave(35, 0.0), bias: wave(5, 1.0) };
+        let half: Vec<half::f16> = wave(35, 0.0).into_iter().map(half::f16::from_f32).collect();
+        let weight: Vec<f32> = half.iter().map(|w| w.to_f32()).collect();
+        let layer = policy::mlp::Dense { weight: half, bias: wave(5, 1.0) };
         let x = wave(7, 2.0);
         let tensor = |v: &[f32], shape: &[usize]| Tensor::from_slice(v, shape, &Device::Cpu);
         let (tx, w, b) = (
             tensor(&x, &[1, 7]).unwrap(),
-            tensor(&layer.weight, &[7, 5]).unwrap(),
+            tensor(&weight, &[7, 5]).unwrap(),
             tensor(&layer.bias, &[5]).unwrap(),
         );
         for activation in [None, Some(Activation::Elu), Some(Activation::Relu)] {
