@@ -12,19 +12,19 @@ pub fn distance(a: &Isometry, b: &Isometry) -> f64 {
     libm::sqrt(moved * moved + LEVER * LEVER * turned * turned)
 }
 
-/// Indices of at most `count` medoids: greedy start (each next one lowers the cost most), then swaps
-/// until none helps. Deterministic; ties go to the lower index.
-pub fn medoids(poses: &[Isometry], count: usize) -> Vec<usize> {
+/// Indices of at most `count` medoids of things `0..total` by their `distance`: greedy start (each next
+/// one lowers the cost most), then swaps until none helps. Deterministic; ties go to the lower index.
+pub fn medoids(total: usize, count: usize, distance: impl Fn(usize, usize) -> f64) -> Vec<usize> {
     let table: Vec<Vec<f64>> =
-        poses.iter().map(|a| poses.iter().map(|b| distance(a, b)).collect()).collect();
+        (0..total).map(|a| (0..total).map(|b| distance(a, b)).collect()).collect();
     let cost = |medoids: &[usize]| -> f64 {
         let nearest =
             |row: &Vec<f64>| medoids.iter().map(|&m| row[m]).fold(f64::INFINITY, f64::min);
         table.iter().map(nearest).sum()
     };
     let mut chosen: Vec<usize> = Vec::new();
-    for _ in 0..count.min(poses.len()) {
-        let candidates = (0..poses.len()).filter(|i| !chosen.contains(i));
+    for _ in 0..count.min(total) {
+        let candidates = (0..total).filter(|i| !chosen.contains(i));
         let priced = candidates.map(|i| (cost(&[chosen.as_slice(), &[i]].concat()), i));
         if let Some((_, best)) = priced.min_by(|a, b| a.0.total_cmp(&b.0)) {
             chosen.push(best);
@@ -34,7 +34,7 @@ pub fn medoids(poses: &[Isometry], count: usize) -> Vec<usize> {
         let before = cost(&chosen);
         let mut best = (before, None);
         for slot in 0..chosen.len() {
-            for i in (0..poses.len()).filter(|i| !chosen.contains(i)) {
+            for i in (0..total).filter(|i| !chosen.contains(i)) {
                 let mut swapped = chosen.clone();
                 swapped[slot] = i;
                 let price = cost(&swapped);
@@ -58,15 +58,15 @@ mod tests {
     fn two_heaps_get_a_medoid_each() {
         let at = |x: f64| Isometry::translation(x, 0.0, 0.0);
         let poses: Vec<_> = [0.0, 0.1, 0.2, 5.0, 5.1, 5.2].map(at).to_vec();
-        let mut got = medoids(&poses, 2);
+        let mut got = medoids(6, 2, |a, b| distance(&poses[a], &poses[b]));
         got.sort();
         assert_eq!(got, [1, 4]);
     }
 
     #[test]
     fn fewer_poses_than_clusters_are_all_kept() {
-        assert_eq!(medoids(&[Isometry::identity()], 7), [0]);
-        assert!(medoids(&[], 7).is_empty());
+        assert_eq!(medoids(1, 7, |_, _| 0.0), [0]);
+        assert!(medoids(0, 7, |_, _| 0.0).is_empty());
     }
 
     #[test]

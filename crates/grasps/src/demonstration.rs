@@ -1,6 +1,7 @@
 //! Demonstrations: fabric motions out of a grasp, reversed, with a closing segment (paper §II-A).
 
 use crate::grasp::{object_solids, table_solid};
+use crate::proposal::GRASP_CENTER;
 use crate::{Posture, Robot, trial};
 use fabrics::planner::{Plan, PlannerConfig};
 use fabrics::terms::repulsion::Obstacle;
@@ -39,6 +40,8 @@ pub struct TrajectoryConfig {
     pub hold_rows: usize,
     /// Joint speed (rad/s, norm) below which the far end is trimmed.
     pub rest_speed: f64,
+    /// Further attempts of a motion that gets stuck, each with another posture to be drawn to.
+    pub restarts: usize,
 }
 
 impl TrajectoryConfig {
@@ -51,6 +54,7 @@ impl TrajectoryConfig {
             closing_rows: 10,
             hold_rows: 15,
             rest_speed: 0.1,
+            restarts: 3,
         }
     }
 }
@@ -58,14 +62,12 @@ impl TrajectoryConfig {
 /// Why a motion is no demonstration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Flaw {
-    /// The fabric left the finite numbers or the joint limits.
+    /// The fabric left the finite numbers or the joint limits, or did not come to rest.
     Planner,
     /// It stopped too close to the grasp.
     Short,
     /// It went through object or table.
     Penetrates,
-    /// Physics did not lift the object.
-    NotLifted,
 }
 
 /// A pose of the palm above the object, drawn from the scene's box (paper Fig. 2).
@@ -94,10 +96,10 @@ pub fn draw_target(
     Isometry::from_parts((point - turn * Vector::from(GRASP_CENTER)).into(), turn)
 }
 
-/// Middle between fingertips and thumb, palm frame (m).
-pub const GRASP_CENTER: [f64; 3] = [0.085, 0.0, 0.012];
-
 /// Plans out of the grasp to `target` and reverses.
+///
+/// A fabric can come to rest in a local minimum. Where it does, it starts again, drawn to a posture
+/// that lies nearer to the robot's nominal one.
 pub fn demonstrate(
     robot: &Robot,
     object: &Object,
@@ -106,7 +108,26 @@ pub fn demonstrate(
     target: &Isometry,
     config: &TrajectoryConfig,
 ) -> Result<Demonstration, Flaw> {
-    let leaving = leave(robot, object, world_from_object, posture, target, config)?;
+    let attempt = |restart: usize| {
+        let share = restart as f64 / config.restarts.max(1) as f64;
+        let nominal = robot.nominal_towards(world_from_object);
+        let drawn_to = posture.touch.lerp(&nominal, share);
+        let leaving = leave(robot, object, world_from_object, posture, &drawn_to, target, config)?;
+        checked(robot, object, world_from_object, posture, &leaving, config)
+    };
+    let first = attempt(0);
+    (1..=config.restarts).fold(first, |found, restart| found.or_else(|_| attempt(restart)))
+}
+
+/// The motion out of the grasp, if it is long and touches nothing, reversed and with its end.
+fn checked(
+    robot: &Robot,
+    object: &Object,
+    world_from_object: &Pose,
+    posture: &Posture,
+    leaving: &Plan,
+    config: &TrajectoryConfig,
+) -> Result<Demonstration, Flaw> {
     let palm = |state: &JointState| robot.tree.kinematics(&state.q).palm().translation.vector;
     if (palm(leaving.last()) - palm(&leaving.states[0])).norm() < config.least_distance {
         return Err(Flaw::Short);
@@ -120,7 +141,7 @@ pub fn demonstrate(
     if clearance < -config.penetration {
         return Err(Flaw::Penetrates);
     }
-    let mut demonstration = reverse(&leaving, config.rest_speed);
+    let mut demonstration = reverse(leaving, config.rest_speed);
     demonstration.clearance = clearance;
     let rest = [JointVector::zeros()];
     let closing = trial::straight(&posture.touch, &posture.squeeze, config.closing_rows);
@@ -138,6 +159,7 @@ fn leave(
     object: &Object,
     world_from_object: &Pose,
     posture: &Posture,
+    drawn_to: &JointVector,
     target: &Isometry,
     config: &TrajectoryConfig,
 ) -> Result<Plan, Flaw> {
@@ -147,8 +169,8 @@ fn leave(
         Obstacle { solids: vec![table_solid(&robot.config)], first_body: 3 },
         Obstacle { solids: solids.clone(), first_body: 3 },
     ];
-    let fabric = Fabric::new(tree, posture.touch, obstacles, FabricConfig::calm())
-        .map_err(|_| Flaw::Planner)?;
+    let fabric =
+        Fabric::new(tree, *drawn_to, obstacles, FabricConfig::calm()).map_err(|_| Flaw::Planner)?;
     let hand = robot::hand_of(&posture.open);
     let grasp_palm = tree.kinematics(&posture.touch).palm();
     let planner = PlannerConfig::demonstration();
@@ -173,7 +195,7 @@ fn leave(
             return Ok(plan);
         }
     }
-    if is_clear { Ok(plan) } else { Err(Flaw::Planner) }
+    Err(Flaw::Planner)
 }
 
 /// Reverses a motion: q_i = q_f[n-i], q̇_i = -q̇_f[n-i], q̈_i = q̈_f[n-i-1]; slow rows at what becomes

@@ -8,6 +8,8 @@ use robot::{HAND, Isometry, JointVector, Tree, ik, rotation};
 /// A grasp in the object's frame.
 #[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
 pub struct Grasp {
+    /// The kinds of a set are tried in this order; a grasp and its half turn are of one kind.
+    pub kind: usize,
     /// Pose of the palm in the object.
     pub object_from_palm: Isometry,
     /// Hand joints (rad) before closing.

@@ -6,6 +6,7 @@ pub mod closing;
 pub mod cluster;
 pub mod demonstration;
 pub mod grasp;
+pub mod kind;
 pub mod proposal;
 pub mod reach;
 pub mod search;

@@ -9,12 +9,15 @@ use rand::{Rng, RngExt};
 use robot::solids::RobotSolids;
 use robot::{ARM, DOF, HAND, Isometry, Tree, Vector, rotation};
 
+/// Middle between fingertips and thumb, palm frame (m).
+pub const GRASP_CENTER: [f64; 3] = [0.085, 0.0, 0.012];
+
 /// What is proposed and what is kept.
 #[derive(Clone, Debug)]
 pub struct ProposalConfig {
     /// Hand joints (rad) before closing.
     pub open: [f64; HAND],
-    /// Point between fingertips and thumb in the palm frame (m) that is brought onto the object.
+    /// Point of the palm frame (m) that is brought onto the object.
     pub center: [f64; 3],
     /// How far (m) the point may lie from the object's axis, in half sizes of its bounding box.
     pub spread: f64,
@@ -41,7 +44,7 @@ impl ProposalConfig {
     pub fn standard(open: [f64; HAND]) -> Self {
         Self {
             open,
-            center: [0.085, 0.0, 0.012],
+            center: GRASP_CENTER,
             spread: 0.5,
             tilt: 1.5,
             retreat: 0.004,
@@ -73,7 +76,8 @@ pub enum Refusal {
     TooHeavy,
 }
 
-/// Draws one palm pose, closes the hand and keeps the grasp if its forces balance.
+/// Brings the open palm to a pose on the object, closes the hand, its joints in drawn proportions, and
+/// keeps the grasp if its forces balance.
 ///
 /// The object stands at the origin; `table` is the table there.
 pub fn propose(
@@ -82,9 +86,9 @@ pub fn propose(
     object: &Object,
     table: &Solid,
     config: &ProposalConfig,
+    mut object_from_palm: Isometry,
     rng: &mut impl Rng,
 ) -> Result<(Grasp, squeeze::Squeeze), Refusal> {
-    let mut object_from_palm = draw_palm(object, config, rng);
     let open = robot::join(&[0.0; ARM], &config.open);
     // The hand stays where it is, and object and table are brought to it.
     let kinematics = tree.kinematics(&open);
@@ -126,8 +130,13 @@ pub fn propose(
     if squeeze.reserve < config.reserve {
         return Err(Refusal::TooHeavy);
     }
-    let grasp =
-        Grasp { object_from_palm, open: config.open, touch: closed.hand, squeeze: squeeze.hand };
+    let grasp = Grasp {
+        kind: 0,
+        object_from_palm,
+        open: config.open,
+        touch: closed.hand,
+        squeeze: squeeze.hand,
+    };
     Ok((grasp, squeeze))
 }
 
@@ -141,8 +150,15 @@ fn draw_closing(config: &ClosingConfig, rng: &mut impl Rng) -> ClosingConfig {
     }
 }
 
+/// A palm pose near another one, at most `shift` (m) and `turn` (rad) along each axis of it.
+pub fn vary_palm(pose: &Isometry, shift: f64, turn: f64, rng: &mut impl Rng) -> Isometry {
+    let mut draw = |reach: f64| [0; 3].map(|_| rng.random_range(-reach..=reach));
+    let (shift, turn) = (draw(shift), draw(turn));
+    pose * Isometry::from_parts(Vector::from(shift).into(), rotation::from_rpy(turn))
+}
+
 /// A palm pose whose grasp centre lies in the object and whose normal points down to sideways.
-fn draw_palm(object: &Object, config: &ProposalConfig, rng: &mut impl Rng) -> Isometry {
+pub fn draw_palm(object: &Object, config: &ProposalConfig, rng: &mut impl Rng) -> Isometry {
     let [min, max] = object.bounds.map(rotation::to_vector);
     let (middle, half) = ((min + max) * 0.5, (max - min) * 0.5);
     let mut draw = |reach: f64| rng.random_range(-reach..=reach);

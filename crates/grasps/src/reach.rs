@@ -38,6 +38,17 @@ impl Robot {
         Ok(Self { config, tree, solids, nominal, ik: IkConfig::precise() })
     }
 
+    /// The nominal posture, its first joint turned towards the object.
+    ///
+    /// That joint's axis is the robot's vertical axis: when object and nominal posture turn about it,
+    /// so does all that is planned for the object.
+    pub fn nominal_towards(&self, world_from_object: &Pose) -> JointVector {
+        let [x, y] = [world_from_object.translation.x, world_from_object.translation.y];
+        let mut nominal = self.nominal;
+        nominal[0] += libm::atan2(f64::from(y), f64::from(x));
+        nominal
+    }
+
     /// The posture of a grasp on an object, if the arm can take it without touching anything.
     pub fn reach(
         &self,
@@ -45,13 +56,15 @@ impl Robot {
         object: &Object,
         world_from_object: &Pose,
     ) -> Option<Posture> {
-        let posture = grasp.posture(&self.tree, world_from_object, &self.nominal, &self.ik)?;
+        let nominal = self.nominal_towards(world_from_object);
+        let posture = grasp.posture(&self.tree, world_from_object, &nominal, &self.ik)?;
         let (config, tree, solids) = (&self.config, &self.tree, &self.solids);
         let gap = trial::clearance(config, tree, solids, object, world_from_object, &posture.open);
         (gap >= CLEARANCE).then_some(posture)
     }
 
-    /// All grasps within reach, the least moved arm first, with their indices in `grasps`.
+    /// All grasps within reach with their indices in `grasps`: kind after kind, within a kind the least
+    /// moved arm first.
     pub fn options(
         &self,
         grasps: &[Grasp],
@@ -60,8 +73,12 @@ impl Robot {
     ) -> Vec<(usize, Posture)> {
         let reach = |(i, grasp)| Some((i, self.reach(grasp, object, world_from_object)?));
         let mut options: Vec<_> = grasps.iter().enumerate().filter_map(reach).collect();
-        let moved = |posture: &Posture| (posture.open - self.nominal).norm();
-        options.sort_by(|a, b| moved(&a.1).total_cmp(&moved(&b.1)));
+        let nominal = self.nominal_towards(world_from_object);
+        let moved = |posture: &Posture| (posture.open - nominal).norm();
+        options.sort_by(|a, b| {
+            let by_kind = grasps[a.0].kind.cmp(&grasps[b.0].kind);
+            by_kind.then(moved(&a.1).total_cmp(&moved(&b.1)))
+        });
         options
     }
 }

@@ -115,14 +115,18 @@ fn into_cone(force: &Vector, n: &Vector, config: &SqueezeConfig) -> Vector {
     let mu = config.friction;
     let mut normal = force.dot(n);
     let tangent = force - n * normal;
-    let mut sliding = tangent.norm();
-    let direction = tangent / sliding.max(1e-12);
+    let tangential = tangent.norm();
+    let direction = tangent / tangential.max(1e-12);
+    let mut sliding = tangential;
     if sliding > mu * normal {
         // The nearest point of the cone's surface lies on the line through its apex.
         normal = ((normal + mu * sliding) / (1.0 + mu * mu)).max(0.0);
         sliding = mu * normal;
     }
-    let normal = normal.max(config.least_force);
+    if normal < config.least_force {
+        normal = config.least_force;
+        sliding = tangential.min(mu * normal);
+    }
     n * normal + direction * sliding
 }
 
@@ -152,6 +156,23 @@ mod tests {
         let forces = balance(&arms, &inward, &weight, &CONFIG);
         let normal = forces[0].dot(&inward[0]);
         assert!(normal > 11.9, "friction 0.5 needs 12 N on each side, got {normal}");
+    }
+
+    #[test]
+    fn the_nearest_force_of_the_cut_cone_is_found() {
+        let n = Vector::z();
+        for force in [[3.0, 0.0, -5.0], [3.0, 0.0, 5.0], [9.0, 0.0, 6.0], [1.0, 0.0, 2.0]] {
+            let force = Vector::from(force);
+            let got = (into_cone(&force, &n, &CONFIG) - force).norm();
+            // All forces of the plane in small steps.
+            let (mut least, steps) = (f64::INFINITY, 0..=400);
+            for (i, j) in steps.clone().flat_map(|i| steps.clone().map(move |j| (i, j))) {
+                let normal = CONFIG.least_force + 0.025 * i as f64;
+                let sliding = CONFIG.friction * normal * j as f64 / 400.0;
+                least = least.min((Vector::new(sliding, 0.0, normal) - force).norm());
+            }
+            assert!((got - least).abs() < 0.02, "{force}: {got} away, the nearest is {least}");
+        }
     }
 
     #[test]
