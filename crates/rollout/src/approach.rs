@@ -1,7 +1,108 @@
-//! From home to the start configuration: a quintic spline in joint space (paper §IV).
+//! Everything before the policy acts: the look, the start configuration, and a quintic spline in joint
+//! space that leads there (paper §IV).
 
-use robot::{DOF, JointState, JointVector, Limits};
+use crate::attempt::Controller;
+use crate::verdict::Failure;
+use crate::workcell::{RolloutError, Workcell, built_in_grasps};
+use geometry::object::Object;
+use geometry::{Pose, Vec3};
+use grasps::demonstration::{self, TrajectoryConfig};
+use grasps::search;
+use policy::LATENT;
+use rand_chacha::ChaCha8Rng;
+use robot::{DOF, Isometry, JointState, JointVector, Limits};
 use scene::config::CONTROL_PERIOD;
+
+/// What is known when the approach is planned.
+pub(crate) struct Sight<'a> {
+    /// The object, of which a policy knows the cloud alone.
+    pub(crate) object: &'a Object,
+    /// Its name.
+    pub(crate) name: &'a str,
+    /// Where it stands.
+    pub(crate) world_from_object: Pose,
+    /// What the camera saw, base frame.
+    pub(crate) cloud: &'a [Vec3],
+    /// Where the palm of the start configuration should be.
+    pub(crate) target: Isometry,
+}
+
+/// A planned approach.
+pub(crate) struct Approach {
+    /// States from home on; those of the planner lead into the grasp.
+    pub(crate) rows: Vec<JointState>,
+    /// How many of them come before the grasp.
+    pub(crate) ticks: usize,
+    /// What the policy is told of the object.
+    pub(crate) z: Option<Vec<f32>>,
+}
+
+/// Plans the approach from `home`, or says why there is none.
+pub(crate) fn plan(
+    workcell: &Workcell,
+    controller: &Controller,
+    sight: &Sight,
+    home: &JointVector,
+    rng: &mut ChaCha8Rng,
+) -> Result<Result<Approach, Failure>, RolloutError> {
+    match controller {
+        Controller::Replay { targets, .. } => {
+            let rows = targets.iter().skip(1).copied().collect();
+            Ok(Ok(Approach { rows, ticks: 0, z: None }))
+        }
+        Controller::Planner => demonstrated(workcell, sight, home, rng),
+        _ => looked_up(workcell, controller, sight, home, rng),
+    }
+}
+
+/// The first demonstration that can be planned.
+fn demonstrated(
+    workcell: &Workcell,
+    sight: &Sight,
+    home: &JointVector,
+    rng: &mut ChaCha8Rng,
+) -> Result<Result<Approach, Failure>, RolloutError> {
+    let (robot, object, place) = (&workcell.robot, sight.object, &sight.world_from_object);
+    let unknown = || RolloutError::NoGrasps(sight.name.to_owned());
+    let set = built_in_grasps(sight.name)?.ok_or_else(unknown)?;
+    let config = TrajectoryConfig::standard();
+    for (_, posture) in robot.options(&set.grasps, object, place) {
+        let palm = robot.tree.kinematics(&posture.touch).palm();
+        let above = demonstration::draw_target(robot, object, place, &palm, rng);
+        let found = demonstration::demonstrate(robot, object, place, &posture, &above, &config);
+        let Ok(found) = found else { continue };
+        let mut rows = spline(home, &found.states[0].q, &robot.tree.limits);
+        let ticks = rows.len();
+        rows.extend(&found.states[1..]);
+        return Ok(Ok(Approach { rows, ticks, z: None }));
+    }
+    Ok(Err(Failure::Unreachable))
+}
+
+/// The start configuration that the model looks up for the cloud (paper §III-F).
+fn looked_up(
+    workcell: &Workcell,
+    controller: &Controller,
+    sight: &Sight,
+    home: &JointVector,
+    rng: &mut ChaCha8Rng,
+) -> Result<Result<Approach, Failure>, RolloutError> {
+    let robot = &workcell.robot;
+    let model = workcell.model.as_ref().ok_or(RolloutError::NoModel)?;
+    let Some(z) = model.encoder.encode(sight.cloud) else { return Ok(Err(Failure::Unseen)) };
+    let Some(start) = model.start(&z, &sight.target) else { return Ok(Err(Failure::Unreachable)) };
+    let z = match controller {
+        Controller::ZeroLatent => vec![0.0; LATENT],
+        Controller::ShuffledLatent => {
+            let [x, y, yaw] = search::random_pose(robot, rng);
+            let cloud = look(workcell, sight.object, &robot.config.upright(x, y, yaw), rng);
+            model.encoder.encode(&cloud).unwrap_or_else(|| vec![0.0; LATENT])
+        }
+        _ => z,
+    };
+    let rows = spline(home, &start.q, &robot.tree.limits);
+    Ok(Ok(Approach { ticks: rows.len(), rows, z: Some(z) }))
+}
 
 /// Share of the joints' velocity limits that the spline uses at most.
 const SPEED_SHARE: f64 = 0.5;
@@ -25,6 +126,30 @@ pub fn spline(from: &JointVector, to: &JointVector, limits: &Limits) -> Vec<Join
             JointState { q: from + distance * share, qd: distance * rate }
         })
         .collect()
+}
+
+/// One noisy frame as a cloud.
+pub(crate) fn look(
+    workcell: &Workcell,
+    object: &Object,
+    world_from_object: &Pose,
+    rng: &mut ChaCha8Rng,
+) -> Vec<Vec3> {
+    let frame = workcell.eye.frame(&object.mesh, world_from_object, rng);
+    workcell.eye.cloud(&frame)
+}
+
+/// Fingers closed as far as they go, where the hand is.
+pub(crate) fn script(q: &JointVector, workcell: &Workcell) -> Vec<JointState> {
+    let limits = &workcell.robot.tree.limits;
+    let mut closed = *q;
+    for finger in 0..robot::FINGERS {
+        for joint in 1..4 {
+            let i = robot::ARM + 4 * finger + joint;
+            closed[i] = (q[i] + 0.9).min(limits.upper[i]);
+        }
+    }
+    spline(q, &closed, limits)
 }
 
 #[cfg(test)]

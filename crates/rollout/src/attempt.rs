@@ -1,19 +1,17 @@
 //! The attempt itself. A run is its seed: pose, sensor noise and target are drawn from it in this order.
 
-use crate::approach::spline;
+use crate::approach::{self, Sight, look, script};
 use crate::episode::{Episode, row_of};
 use crate::verdict::{Failure, Story, Verdict};
-use crate::workcell::{RolloutError, Workcell, built_in_grasps, object_hash};
+use crate::workcell::{RolloutError, Workcell, object_hash};
+use geometry::Vec3;
 use geometry::object::Object;
-use geometry::{Pose, Vec3};
-use grasps::demonstration::{self, TrajectoryConfig};
-use grasps::{Robot, search, trial};
-use policy::LATENT;
+use grasps::{Robot, demonstration, search, trial};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
-use robot::{Isometry, JointState, JointVector, integrator};
+use robot::{JointState, JointVector, integrator};
 use scene::config::{CONTROL_PERIOD, scene_hash};
-use scene::{Hold, Loss, Scene};
+use scene::{Hold, Scene};
 
 /// Who moves the joints between start and lift.
 #[derive(Clone, Debug)]
@@ -26,14 +24,16 @@ pub enum Controller {
     ZeroLatent,
     /// Fingers closed by script at the start configuration (control a).
     Script,
-    /// A demonstration planned for this pose, with knowledge of the object (control d).
+    /// A demonstration planned for this pose, with knowledge of the object.
     Planner,
     /// Recorded targets.
     Replay {
         /// States at the beginning and after each tick.
         targets: Vec<JointState>,
-        /// Ticks before the lift.
-        lift_tick: usize,
+        /// The tick at which the lift began, if it did.
+        lift_tick: Option<usize>,
+        /// The tick at which the hold began, if it did.
+        hold_tick: Option<usize>,
     },
 }
 
@@ -68,7 +68,9 @@ pub struct Attempt {
     phase: Phase,
     phase_ticks: usize,
     resting_ticks: usize,
-    lift_tick: usize,
+    approach_ticks: usize,
+    lift_tick: Option<usize>,
+    hold_tick: Option<usize>,
     hold: Option<Hold>,
     story: Story,
     verdict: Option<Verdict>,
@@ -123,78 +125,25 @@ impl Attempt {
             phase: Phase::Approach,
             phase_ticks: 0,
             resting_ticks: 0,
-            lift_tick: 0,
+            approach_ticks: 0,
+            lift_tick: None,
+            hold_tick: None,
             hold: None,
             story: Story { start: world_from_object.translation, highest: 0.0 },
             verdict: None,
             targets: Vec::new(),
         };
         attempt.targets.push(row_of(&attempt.state));
-        let rows = attempt.plan_approach(workcell, &world_from_object, &target, &mut rng)?;
-        match rows {
-            Some(rows) => attempt.plan = rows.into_iter(),
-            None => attempt.fail(Failure::Unreachable),
+        let sight = Sight { object, name, world_from_object, cloud: &attempt.cloud, target };
+        match approach::plan(workcell, &attempt.controller, &sight, &home, &mut rng)? {
+            Ok(approach) => {
+                attempt.approach_ticks = approach.ticks;
+                attempt.z = approach.z;
+                attempt.plan = approach.rows.into_iter();
+            }
+            Err(failure) => attempt.fail(failure),
         }
         Ok(attempt)
-    }
-
-    /// Everything before the policy acts; `None` if there is no start configuration.
-    fn plan_approach(
-        &mut self,
-        workcell: &Workcell,
-        world_from_object: &Pose,
-        target: &Isometry,
-        rng: &mut ChaCha8Rng,
-    ) -> Result<Option<Vec<JointState>>, RolloutError> {
-        let robot = &workcell.robot;
-        let home = self.state.q;
-        let to = |q: &JointVector| spline(&home, q, &robot.tree.limits);
-        match &self.controller {
-            Controller::Replay { targets, .. } => {
-                Ok(Some(targets.iter().skip(1).copied().collect()))
-            }
-            Controller::Planner => {
-                let unknown = || RolloutError::NoGrasps(self.name.clone());
-                let set = built_in_grasps(&self.name).ok_or_else(unknown)?;
-                let object = &self.object;
-                let config = TrajectoryConfig::standard();
-                for (_, posture) in robot.options(&set.grasps, object, world_from_object) {
-                    let palm = robot.tree.kinematics(&posture.touch).palm();
-                    let above =
-                        demonstration::draw_target(robot, object, world_from_object, &palm, rng);
-                    let found = demonstration::demonstrate(
-                        robot,
-                        object,
-                        world_from_object,
-                        &posture,
-                        &above,
-                        &config,
-                    );
-                    let Ok(found) = found else { continue };
-                    let mut rows = to(&found.states[0].q);
-                    self.lift_tick = rows.len();
-                    rows.extend(&found.states[1..]);
-                    return Ok(Some(rows));
-                }
-                Ok(None)
-            }
-            _ => {
-                let model = workcell.model.as_ref().ok_or(RolloutError::NoModel)?;
-                let Some(z) = model.encoder.encode(&self.cloud) else { return Ok(None) };
-                let Some(start) = model.start(&z, target) else { return Ok(None) };
-                self.z = Some(match self.controller {
-                    Controller::ZeroLatent => vec![0.0; LATENT],
-                    Controller::ShuffledLatent => {
-                        let [x, y, yaw] = search::random_pose(robot, rng);
-                        let elsewhere = robot.config.upright(x, y, yaw);
-                        let cloud = look(workcell, &self.object, &elsewhere, rng);
-                        model.encoder.encode(&cloud).unwrap_or_else(|| vec![0.0; LATENT])
-                    }
-                    _ => z,
-                });
-                Ok(Some(to(&start.q)))
-            }
-        }
     }
 
     /// One control period.
@@ -250,13 +199,13 @@ impl Attempt {
         match self.phase {
             Phase::Approach if is_replay => {
                 let Controller::Replay { lift_tick, .. } = self.controller else { return };
-                if self.ticks() >= lift_tick {
+                if lift_tick.is_some_and(|tick| self.ticks() >= tick) {
                     self.begin_lift(workcell);
                 }
             }
             Phase::Approach => {
                 let is_planned = matches!(self.controller, Controller::Planner);
-                if is_planned && self.phase_ticks >= self.lift_tick {
+                if is_planned && self.phase_ticks >= self.approach_ticks {
                     self.enter(Phase::Policy);
                 } else if !is_planned {
                     if object.distance(self.story.start) > APPROACH_SHIFT {
@@ -285,7 +234,7 @@ impl Attempt {
     }
 
     fn begin_lift(&mut self, workcell: &Workcell) {
-        self.lift_tick = self.ticks();
+        self.lift_tick = Some(self.ticks());
         self.hold = Some(Hold::begin(&self.scene));
         self.enter(Phase::Lift);
         if matches!(self.controller, Controller::Replay { .. }) {
@@ -308,19 +257,21 @@ impl Attempt {
         let Some(hold) = &mut self.hold else { return };
         hold.observe(&self.scene);
         let slip = hold.slip;
-        let is_replay = matches!(self.controller, Controller::Replay { .. });
-        let remaining = self.plan.len();
         let loss = hold.loss(&self.scene, protocol);
         if self.phase == Phase::Lift {
-            if remaining == if is_replay { hold_ticks } else { 0 } {
+            let is_up = match self.controller {
+                Controller::Replay { hold_tick, .. } => Some(self.ticks()) == hold_tick,
+                _ => self.plan.len() == 0,
+            };
+            if is_up {
+                self.hold_tick = Some(self.ticks());
                 self.enter(Phase::Hold);
             }
             return;
         }
         if let Some(loss) = loss {
             let end = self.scene.object_pose().translation;
-            let reason = self.story.reason(end, loss == Loss::Slipped);
-            return self.fail(reason);
+            return self.fail(self.story.reason(end, loss));
         }
         if self.phase_ticks >= hold_ticks {
             self.finish(Verdict::Lifted { slip });
@@ -406,32 +357,9 @@ impl Attempt {
             seed: self.seed,
             targets: self.targets.clone(),
             lift_tick: self.lift_tick,
+            hold_tick: self.hold_tick,
             verdict: self.verdict,
             state_hash: self.state_hash(),
         }
     }
-}
-
-/// One noisy frame as a cloud.
-fn look(
-    workcell: &Workcell,
-    object: &Object,
-    world_from_object: &Pose,
-    rng: &mut ChaCha8Rng,
-) -> Vec<Vec3> {
-    let frame = workcell.eye.frame(&object.mesh, world_from_object, rng);
-    workcell.eye.cloud(&frame)
-}
-
-/// Fingers closed as far as they go, where the hand is.
-fn script(q: &JointVector, workcell: &Workcell) -> Vec<JointState> {
-    let limits = &workcell.robot.tree.limits;
-    let mut closed = *q;
-    for finger in 0..robot::FINGERS {
-        for joint in 1..4 {
-            let i = robot::ARM + 4 * finger + joint;
-            closed[i] = (q[i] + 0.9).min(limits.upper[i]);
-        }
-    }
-    spline(q, &closed, limits)
 }

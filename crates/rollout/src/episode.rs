@@ -22,8 +22,10 @@ pub struct Episode {
     pub seed: u64,
     /// Commanded q then q̇ of all joints at the beginning and after each tick.
     pub targets: Vec<Vec<f64>>,
-    /// Ticks before the lift.
-    pub lift_tick: usize,
+    /// The tick at which the lift began, if it did.
+    pub lift_tick: Option<usize>,
+    /// The tick at which the hold began, if it did.
+    pub hold_tick: Option<usize>,
     /// How it ended.
     pub verdict: Option<Verdict>,
     /// Hash of the final state, hex.
@@ -35,16 +37,20 @@ pub(crate) fn row_of(state: &JointState) -> Vec<f64> {
     state.q.iter().chain(state.qd.iter()).copied().collect()
 }
 
-fn state_of(row: &[f64]) -> JointState {
-    let value = |i: usize| row.get(i).copied().unwrap_or(f64::NAN);
-    JointState {
-        q: JointVector::from_fn(|i, _| value(i)),
-        qd: JointVector::from_fn(|i, _| value(DOF + i)),
+fn state_of((row, values): (usize, &Vec<f64>)) -> Result<JointState, RolloutError> {
+    let (found, wanted) = (values.len(), 2 * DOF);
+    if found != wanted {
+        return Err(RolloutError::Row { row, found, wanted });
     }
+    Ok(JointState {
+        q: JointVector::from_fn(|i, _| values[i]),
+        qd: JointVector::from_fn(|i, _| values[DOF + i]),
+    })
 }
 
 impl Episode {
-    /// Steps physics through the recorded targets; gives the verdict and the final state hash.
+    /// Steps physics through the recorded targets; gives the verdict and the final state hash. What
+    /// failed before the lift has nothing to judge: its verdict is the recorded one.
     pub fn replay(
         &self,
         workcell: &Workcell,
@@ -60,13 +66,15 @@ impl Episode {
         };
         foreign("scene", scene_hash(), &self.scene)?;
         foreign("object", object_hash(object), &self.object)?;
-        let targets = self.targets.iter().map(|row| state_of(row)).collect();
-        let controller = Controller::Replay { targets, lift_tick: self.lift_tick };
+        let targets = self.targets.iter().enumerate().map(state_of).collect::<Result<_, _>>()?;
+        let controller =
+            Controller::Replay { targets, lift_tick: self.lift_tick, hold_tick: self.hold_tick };
         let mut attempt =
             Attempt::begin(workcell, object, &self.name, Some(self.pose), self.seed, controller)?;
         while attempt.verdict().is_none() && attempt.ticks() + 1 < self.targets.len() {
             attempt.tick(workcell);
         }
-        Ok((attempt.verdict(), attempt.state_hash()))
+        let judged = if self.lift_tick.is_some() { attempt.verdict() } else { self.verdict };
+        Ok((judged, attempt.state_hash()))
     }
 }

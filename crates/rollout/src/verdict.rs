@@ -1,6 +1,7 @@
 //! The verdict of an attempt, and its reasons in words.
 
 use geometry::Vec3;
+use scene::Loss;
 
 /// How an attempt ended.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -24,6 +25,8 @@ pub enum Verdict {
 )]
 #[serde(rename_all = "snake_case")]
 pub enum Failure {
+    /// No point of the object is in the cloud.
+    Unseen,
     /// No start configuration, or no motion to it.
     Unreachable,
     /// The arm moved the object on its way.
@@ -34,6 +37,8 @@ pub enum Failure {
     PushedAway,
     /// The object slid or turned in the hand.
     Slipped,
+    /// The object was raised, but not clear of the table.
+    Low,
     /// The object was lifted and lost.
     Dropped,
     /// The simulation or the policy left the finite numbers.
@@ -59,11 +64,13 @@ impl Failure {
     /// The reason for people.
     pub fn words(&self) -> &'static str {
         match self {
+            Self::Unseen => "Not seen: no point of the object is in the camera's cloud.",
             Self::Unreachable => "Out of reach: no start configuration near the object.",
             Self::Collided => "Collided: the arm moved the object on its way.",
             Self::Missed => "Missed: the hand closed beside the object.",
             Self::PushedAway => "Pushed away: the hand moved the object instead of holding it.",
             Self::Slipped => "Slipped: the object slid or turned in the hand.",
+            Self::Low => "Too low: the object was raised, but not clear of the table.",
             Self::Dropped => "Dropped: the object was lifted and lost.",
             Self::NotFinite => "The motion left the finite numbers.",
         }
@@ -85,18 +92,16 @@ const RAISED: f32 = 0.03;
 const PUSHED: f32 = 0.05;
 
 impl Story {
-    /// The reason for a failure that shows when the object ends at `end`, having slid out of the
-    /// palm or not.
-    pub(crate) fn reason(&self, end: Vec3, is_slipped: bool) -> Failure {
+    /// The reason for a failure that shows when the object ends at `end`, held or not as `loss` says.
+    pub(crate) fn reason(&self, end: Vec3, loss: Loss) -> Failure {
         let moved = (end - self.start).truncate().length();
-        if self.highest > RAISED {
-            return if is_slipped && end.z - self.start.z > RAISED {
-                Failure::Slipped
-            } else {
-                Failure::Dropped
-            };
+        match loss {
+            _ if self.highest <= RAISED && moved > PUSHED => Failure::PushedAway,
+            _ if self.highest <= RAISED => Failure::Missed,
+            _ if end.z - self.start.z <= RAISED => Failure::Dropped,
+            Loss::Slipped => Failure::Slipped,
+            Loss::Low | Loss::Leaning => Failure::Low,
         }
-        if moved > PUSHED { Failure::PushedAway } else { Failure::Missed }
     }
 }
 
@@ -106,10 +111,13 @@ mod tests {
 
     #[test]
     fn reasons_follow_the_object() {
-        let story = |highest| Story { start: Vec3::ZERO, highest };
-        assert_eq!(story(0.0).reason(Vec3::new(0.01, 0.0, 0.0), false), Failure::Missed);
-        assert_eq!(story(0.0).reason(Vec3::new(0.09, 0.0, 0.0), false), Failure::PushedAway);
-        assert_eq!(story(0.1).reason(Vec3::ZERO, true), Failure::Dropped);
-        assert_eq!(story(0.1).reason(Vec3::new(0.0, 0.0, 0.1), true), Failure::Slipped);
+        let reason = |highest, x, z, loss| {
+            Story { start: Vec3::ZERO, highest }.reason(Vec3::new(x, 0.0, z), loss)
+        };
+        assert_eq!(reason(0.0, 0.01, 0.0, Loss::Low), Failure::Missed);
+        assert_eq!(reason(0.0, 0.09, 0.0, Loss::Low), Failure::PushedAway);
+        assert_eq!(reason(0.1, 0.0, 0.0, Loss::Slipped), Failure::Dropped);
+        assert_eq!(reason(0.1, 0.0, 0.1, Loss::Slipped), Failure::Slipped);
+        assert_eq!(reason(0.1, 0.0, 0.08, Loss::Low), Failure::Low);
     }
 }

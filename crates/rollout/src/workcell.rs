@@ -22,6 +22,24 @@ pub enum RolloutError {
     /// The planner was asked to act on an object without grasps.
     #[error("the planner knows no grasps of {0}; it only acts on the objects it was prepared for")]
     NoGrasps(String),
+    /// The grasps that come with the project cannot be read.
+    #[error("assets/grasps/{name}.json cannot be read: {source}; make it again with `ngf grasps`")]
+    Grasps {
+        /// The object.
+        name: String,
+        /// What is wrong.
+        source: serde_json::Error,
+    },
+    /// A row of an episode has another length than a state.
+    #[error("row {row} of the episode has {found} numbers instead of {wanted}; record it again")]
+    Row {
+        /// Index of the row.
+        row: usize,
+        /// Its numbers.
+        found: usize,
+        /// Those of a state.
+        wanted: usize,
+    },
     /// An episode belongs to another scene or object.
     #[error("the episode was recorded with another {what}: {found} instead of {wanted}")]
     Foreign {
@@ -79,12 +97,28 @@ pub fn object_hash(object: &Object) -> String {
     hasher.finalize().to_hex().to_string()
 }
 
-/// Grasps that come with the project for an object of this file name.
-pub fn built_in_grasps(name: &str) -> Option<GraspSet> {
+/// Grasps that come with the project for an object of this file name; `None` if it has none.
+pub fn built_in_grasps(name: &str) -> Result<Option<GraspSet>, RolloutError> {
     let text = match name {
         "sugar_box" => include_str!("../../../assets/grasps/sugar_box.json"),
         "bleach" => include_str!("../../../assets/grasps/bleach.json"),
-        _ => return None,
+        _ => return Ok(None),
     };
-    serde_json::from_str(text).ok()
+    let unreadable = |source| RolloutError::Grasps { name: name.to_owned(), source };
+    serde_json::from_str(text).map(Some).map_err(unreadable)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn built_in_grasps_are_read_and_numbered_by_kind() {
+        for name in ["sugar_box", "bleach"] {
+            let grasps = built_in_grasps(name).unwrap().expect("a set").grasps;
+            let kinds: Vec<usize> = grasps.iter().map(|grasp| grasp.kind).collect();
+            assert!(kinds.is_sorted() && kinds[0] == 0 && kinds.len() >= 2, "{name}: {kinds:?}");
+        }
+        assert!(built_in_grasps("mustard").unwrap().is_none());
+    }
 }
