@@ -41,6 +41,9 @@ impl AutoencoderConfig {
 /// Spread along an axis, as a share of the largest one, below which an axis is taken for noise.
 const LEAST_SPREAD: f64 = 0.05;
 
+/// Clouds at most from which the whitening is computed.
+const WHITENED: usize = 20_000;
+
 /// Trains on the dataset's clouds and writes `encoder.safetensors` to `out`; continues from a
 /// checkpoint that is there. `progress` gets step, steps, and the mean loss since the last call.
 pub fn train(
@@ -58,7 +61,8 @@ pub fn train(
     twin::init(&mut params, &mut rng)?;
     let mut adam = AdamW::new(params.count(), 1e-4);
     let checkpoint = out.join("encoder.checkpoint.safetensors");
-    crate::checkpoint::load(&checkpoint, &params, &mut adam)?;
+    let settings = serde_json::json!({ "training": config, "data": dataset.config });
+    crate::checkpoint::load(&checkpoint, &params, &mut adam, &settings)?;
 
     let mut since = Vec::new();
     while adam.steps < config.steps {
@@ -78,10 +82,13 @@ pub fn train(
             since.clear();
         }
         if adam.steps.is_multiple_of(500) {
-            crate::checkpoint::save(&checkpoint, &params, &adam)?;
+            crate::checkpoint::save(&checkpoint, &params, &adam, &settings)?;
         }
     }
-    let latents = encode_all(&params, &clouds[..clouds.len().min(20_000)])?;
+    // Every object has its share.
+    let shown: Vec<Vec<f32>> =
+        clouds.iter().step_by(clouds.len().div_ceil(WHITENED)).cloned().collect();
+    let latents = encode_all(&params, &shown)?;
     store::write(&out.join("encoder.safetensors"), &params.save()?)?;
     let whitening = store::encode(&whiten(&latents).tensors(), None)?;
     store::write(&out.join("latent.safetensors"), &whitening)

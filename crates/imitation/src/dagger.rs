@@ -40,7 +40,7 @@ pub struct DaggerConfig {
     /// Weight of the arm's joints in the loss, those of the hand having 1: what a radian there moves
     /// the fingertips, it moves them several times as far.
     pub arm_weight: f32,
-    /// Weight of the mean square of the metrics' entries.
+    /// Weight of the mean square of what the networks of the metrics give: the entries of U.
     ///
     /// *Departure: Eq. 2 alone leaves the unit of mass open: metrics, potential and damping can grow
     /// together without changing an acceleration. They did, a millionfold in 6,000 steps, and what was
@@ -53,6 +53,9 @@ pub struct DaggerConfig {
     pub gains: Gains,
     /// Distance (rad, norm) that the expert looks ahead at least: times k_p / k_d, its least speed.
     pub lead: f64,
+    /// Steps from checkpoint to checkpoint. All states are drawn anew at each, so that a run that is
+    /// resumed there takes the same steps as one that was never stopped.
+    pub span: u64,
     /// Sizes and scales of the networks.
     pub ngf: NgfConfig,
     /// Seed of weights, states and noise.
@@ -76,6 +79,7 @@ impl DaggerConfig {
             start_share: 0.25,
             gains: Gains { position: 225.0, velocity: 30.0 },
             lead: 0.12,
+            span: 1000,
             ngf: NgfConfig::paper(),
             seed: 0,
         }
@@ -102,6 +106,8 @@ pub struct Lesson {
     pub demonstrations: Demonstrations,
     /// Whitened z of each noisy cloud of the pose.
     pub latents: Vec<Vec<f32>>,
+    /// Whether an attempt may begin at a start of this lesson.
+    pub has_starts: bool,
 }
 
 /// A state under way.
@@ -114,8 +120,8 @@ struct Visit {
 }
 
 /// Trains the five networks, fresh ones or those of the weights `begin`; continues from a checkpoint in
-/// `out`. `progress` gets step, steps, the
-/// mean loss since the last call, and the parameters; it may stop the training by `false`.
+/// `out`. `progress` gets step, steps, the mean loss since the last call, and the parameters; it may
+/// stop the training by `false`: what came after the last checkpoint is then done again.
 pub fn train(
     lessons: &[Lesson],
     limits: &Limits,
@@ -137,19 +143,17 @@ pub fn train(
     let network = Ngf::new(&config.ngf, limits)?;
     let mut adam = AdamW::new(params.count(), 1e-4);
     let checkpoint = out.join("policy.checkpoint.safetensors");
-    crate::checkpoint::load(&checkpoint, &params, &mut adam)?;
+    let settings = serde_json::to_value(config)?;
+    crate::checkpoint::load(&checkpoint, &params, &mut adam, &settings)?;
 
-    let mut rng = ChaCha8Rng::seed_from_u64(config.seed ^ (adam.steps + 1) << 20);
-    let mut visits: Vec<Visit> = (0..config.batch)
-        .map(|i| {
-            // Horizons are staggered, so that a batch holds states of every age.
-            let mut visit = class.draw(config, config.grown(adam.steps), &mut rng);
-            visit.left = 1 + i % visit.left;
-            visit
-        })
-        .collect();
+    let mut visits = Vec::new();
     let mut since = Vec::new();
     while adam.steps < config.steps {
+        if visits.is_empty() || adam.steps.is_multiple_of(config.span) {
+            crate::checkpoint::save(&checkpoint, &params, &adam, &settings)?;
+            rng = ChaCha8Rng::seed_from_u64(config.seed ^ (adam.steps + 1) << 20);
+            visits = class.batch(config, adam.steps, &mut rng);
+        }
         let batch: Vec<(Visit, std::sync::Mutex<JointVector>)> = visits
             .iter()
             .map(|visit| (*visit, std::sync::Mutex::new(JointVector::zeros())))
@@ -173,18 +177,15 @@ pub fn train(
             }
         }
         since.push(gradients.loss());
-        if adam.steps.is_multiple_of(1000) {
-            crate::checkpoint::save(&checkpoint, &params, &adam)?;
-        }
         if adam.steps.is_multiple_of(50) {
             let mean = since.iter().sum::<f32>() / since.len() as f32;
             since.clear();
             if !progress(adam.steps, config.steps, mean, &params)? {
-                break;
+                return Ok(params);
             }
         }
     }
-    crate::checkpoint::save(&checkpoint, &params, &adam)?;
+    crate::checkpoint::save(&checkpoint, &params, &adam, &settings)?;
     Ok(params)
 }
 
@@ -207,11 +208,20 @@ impl<'a> Class<'a> {
             pairs.map(|(a, b)| (a - b) * (a - b)).sum()
         };
         let nearest = |&i: &usize| {
-            let others = taught.iter().copied().filter(|&other| other != i);
+            let others = taught.iter().copied().filter(|&j| j != i && lessons[j].has_starts);
             others.min_by(|&a, &b| distance(i, a).total_cmp(&distance(i, b))).unwrap_or(i)
         };
         let neighbors = taught.iter().map(nearest).collect();
         Self { lessons, taught, neighbors }
+    }
+
+    /// The states of a batch. Horizons are staggered, so that they are not all drawn anew at once.
+    fn batch(&self, config: &DaggerConfig, step: u64, rng: &mut ChaCha8Rng) -> Vec<Visit> {
+        let staggered = |i| {
+            let visit = self.draw(config, config.grown(step), rng);
+            Visit { left: 1 + i % visit.left, ..visit }
+        };
+        (0..config.batch).map(staggered).collect()
     }
 
     /// A start of the neighbour or a noisy state of a random demonstration; `grown` is the share of

@@ -9,7 +9,7 @@ use geometry::object::Object;
 use grasps::demonstration::{self, Demonstration, TrajectoryConfig};
 use grasps::search::{GraspSet, SearchConfig, search};
 use grasps::{Posture, Robot};
-use rand::SeedableRng;
+use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use scene::cloud::Eye;
@@ -26,7 +26,10 @@ pub struct DatasetConfig {
     pub poses: usize,
     /// Demonstrations of each pose (the paper's M).
     pub trajectories: usize,
-    /// Noisy clouds of each pose.
+    /// Bearings at which each pose is seen: demonstrations are as good when they turn, with the object,
+    /// about the robot's vertical axis.
+    pub turns: usize,
+    /// Noisy clouds at each bearing.
     pub clouds: usize,
     /// Objects of the encoder's data.
     pub encoder_objects: Vec<String>,
@@ -48,6 +51,7 @@ impl DatasetConfig {
             objects,
             poses,
             trajectories,
+            turns: 4,
             clouds: 4,
             encoder_objects: encoder,
             encoder_clouds,
@@ -56,7 +60,7 @@ impl DatasetConfig {
         match name {
             "tiny" => Some(Self { objects: names(&["sugar_box"]), ..sized(2, 2, 20) }),
             "small" => Some(sized(48, 32, 1000)),
-            "shipped" => Some(Self { clouds: 8, ..sized(600, 4, 6000) }),
+            "shipped" => Some(Self { turns: 8, ..sized(800, 2, 6000) }),
             _ => None,
         }
     }
@@ -71,7 +75,10 @@ pub struct PoseRecord {
     pub states: Vec<f32>,
     /// First row of each trajectory, and the number of rows at the end.
     pub offsets: Vec<usize>,
-    /// Noisy clouds, each 512 x 3.
+    /// Angles (rad) by which object and demonstrations are turned about the robot's vertical axis; the
+    /// first one is 0.
+    pub turns: Vec<f32>,
+    /// Noisy clouds, each 512 x 3; as many at each of these bearings, one bearing after another.
     pub clouds: Vec<Vec<f32>>,
     /// Attempts by what became of them.
     pub counts: BTreeMap<String, usize>,
@@ -169,7 +176,7 @@ impl Dataset {
         object: &Object,
         progress: &(dyn Fn(&str, usize, usize) + Sync),
     ) -> Result<GraspSet> {
-        if let Some(set) = rollout::workcell::built_in_grasps(name) {
+        if let Some(set) = rollout::workcell::built_in_grasps(name)? {
             return Ok(set);
         }
         let path = self.dir.join("grasps").join(format!("{name}.json"));
@@ -179,7 +186,7 @@ impl Dataset {
         let stage = format!("{name}: grasps");
         let config = SearchConfig::paper(robot);
         let seed = self.config.seed;
-        let set = search(robot, object, &config, seed, |share| {
+        let (set, _) = search(robot, object, &config, seed, |share| {
             progress(&stage, (share * 100.0) as usize, 100)
         })?;
         store::write(&path, &serde_json::to_vec_pretty(&set)?)?;
@@ -232,11 +239,18 @@ impl Dataset {
         let mut rng = self.rng("pose", name, index);
         let pose = spread_pose(robot, index);
         let world_from_object = robot.config.upright(pose[0], pose[1], pose[2]);
-        let clouds = (0..self.config.clouds)
-            .map(|_| flat(&eye.cloud(&eye.frame(&object.mesh, &world_from_object, &mut rng))))
+        let turns: Vec<f32> = std::iter::once(0.0)
+            .chain((1..self.config.turns).map(|_| draw_turn(robot, pose, &mut rng)))
             .collect();
-        let mut record =
-            PoseRecord { pose, states: vec![], offsets: vec![0], clouds, counts: BTreeMap::new() };
+        let mut clouds = Vec::new();
+        for turn in &turns {
+            let [x, y, yaw] = turned(pose, *turn);
+            let place = robot.config.upright(x, y, yaw);
+            let mut see = || flat(&eye.cloud(&eye.frame(&object.mesh, &place, &mut rng)));
+            clouds.extend((0..self.config.clouds).map(|_| see()));
+        }
+        let (states, offsets, counts) = (vec![], vec![0], BTreeMap::new());
+        let mut record = PoseRecord { pose, states, offsets, turns, clouds, counts };
         let options = robot.options(&grasps.grasps, object, &world_from_object);
         if options.is_empty() {
             record.counts.insert("no grasp in reach".into(), 1);
@@ -301,6 +315,11 @@ impl Dataset {
         Ok(kept)
     }
 
+    /// Whether the record of one pose has been made.
+    pub fn has_pose(&self, name: &str, index: usize) -> bool {
+        self.pose_path(name, index).exists()
+    }
+
     /// Reads the record of one pose.
     pub fn pose(&self, name: &str, index: usize) -> Result<PoseRecord> {
         let path = self.pose_path(name, index);
@@ -362,6 +381,29 @@ pub fn spread_pose(robot: &Robot, index: usize) -> [f32; 3] {
     let pi = std::f32::consts::PI;
     [x[0] + (x[1] - x[0]) * share(0), y[0] + (y[1] - y[0]) * share(1), -pi + 2.0 * pi * share(2)]
 }
+
+/// An object pose, turned about the robot's vertical axis.
+pub fn turned([x, y, yaw]: [f32; 3], turn: f32) -> [f32; 3] {
+    let (sin, cos) = (libm::sinf(turn), libm::cosf(turn));
+    [cos * x - sin * y, sin * x + cos * y, yaw + turn]
+}
+
+/// A turn (rad) that leaves an object in the workspace, uniformly among these.
+fn draw_turn(robot: &Robot, pose: [f32; 3], rng: &mut ChaCha8Rng) -> f32 {
+    let workspace = &robot.config.workspace;
+    let is_within = |value: f32, [least, most]: [f32; 2]| (least..=most).contains(&value);
+    for _ in 0..MOST_DRAWS {
+        let turn = rng.random_range(-std::f32::consts::PI..std::f32::consts::PI);
+        let [x, y, _] = turned(pose, turn);
+        if is_within(x, workspace.x) && is_within(y, workspace.y) {
+            return turn;
+        }
+    }
+    0.0
+}
+
+/// Turns that are drawn until one fits; about one in ten does.
+const MOST_DRAWS: usize = 1000;
 
 /// Points as numbers, one after another.
 pub fn flat(cloud: &[geometry::Vec3]) -> Vec<f32> {

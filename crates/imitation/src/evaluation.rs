@@ -23,7 +23,7 @@ pub struct Row {
 /// The result of an evaluation.
 #[derive(Clone, Debug, serde::Serialize)]
 pub struct Report {
-    /// Who acted.
+    /// Who acted, in the words of the caller.
     pub policy: String,
     /// Name of the object.
     pub object: String,
@@ -78,7 +78,7 @@ pub fn evaluate(
         }
     }
     Ok(Report {
-        policy: label(controller).to_owned(),
+        policy: String::new(),
         object: name.to_owned(),
         attempts,
         lifted,
@@ -99,16 +99,4 @@ pub fn model_hash(files: &[&[u8]]) -> String {
         hasher.update(file);
     });
     hasher.finalize().to_hex().to_string()
-}
-
-/// Name of a controller in reports.
-pub fn label(controller: &Controller) -> &'static str {
-    match controller {
-        Controller::Policy => "policy",
-        Controller::ShuffledLatent => "shuffled z",
-        Controller::ZeroLatent => "zero z",
-        Controller::Script => "no policy",
-        Controller::Planner => "planner",
-        Controller::Replay { .. } => "replay",
-    }
 }

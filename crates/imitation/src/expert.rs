@@ -40,6 +40,13 @@ impl Demonstrations {
         Self { rows, offsets }
     }
 
+    /// The same, turned by an angle (rad) about the robot's vertical axis: the axis of its first joint.
+    pub fn turned(&self, turn: f32) -> Self {
+        let mut turned = self.clone();
+        turned.rows.iter_mut().step_by(ROW).for_each(|q| *q += turn);
+        turned
+    }
+
     /// Number of trajectories.
     pub fn trajectories(&self) -> usize {
         self.offsets.len().saturating_sub(1)

@@ -1,7 +1,7 @@
 //! Files of a dataset: safetensors with a line of JSON, written atomically.
 
 use crate::dataset::PoseRecord;
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
 use policy::encoder::CLOUD;
 use safetensors::tensor::TensorView;
 use safetensors::{Dtype, SafeTensors};
@@ -34,7 +34,9 @@ pub fn encode(tensors: &[(&str, Vec<usize>, &[f32])], about: Option<String>) -> 
 
 /// Values of an f32 tensor.
 pub fn values(tensors: &SafeTensors, name: &str) -> Result<Vec<f32>> {
-    let bytes = tensors.tensor(name)?.data().to_vec();
+    let tensor = tensors.tensor(name)?;
+    ensure!(tensor.dtype() == Dtype::F32, "{name} holds {:?} instead of F32", tensor.dtype());
+    let bytes = tensor.data();
     Ok(bytes.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect())
 }
 
@@ -48,6 +50,7 @@ pub(crate) fn encode_pose(record: &PoseRecord) -> Result<Vec<u8>> {
             ("states", vec![record.states.len() / row, row], &record.states),
             ("offsets", vec![offsets.len()], &offsets),
             ("pose", vec![3], &record.pose),
+            ("turns", vec![record.turns.len()], &record.turns),
             ("clouds", vec![clouds.len() / (3 * CLOUD), CLOUD, 3], &clouds),
         ],
         Some(about),
@@ -59,11 +62,29 @@ pub(crate) fn decode_pose(bytes: &[u8]) -> Result<PoseRecord> {
     let (_, header) = SafeTensors::read_metadata(bytes)?;
     let about = header.metadata().as_ref().and_then(|m| m.get("about")).cloned();
     let pose = values(&tensors, "pose")?;
+    let states = values(&tensors, "states")?;
+    let offsets: Vec<usize> =
+        values(&tensors, "offsets")?.iter().map(|&first| first as usize).collect();
+    let turns = values(&tensors, "turns")?;
+    let rows = states.len() / (2 * robot::DOF);
+    ensure!(
+        offsets.first() == Some(&0) && offsets.is_sorted() && offsets.last() == Some(&rows),
+        "its trajectories do not fill its {rows} rows"
+    );
+    let clouds: Vec<Vec<f32>> =
+        values(&tensors, "clouds")?.chunks_exact(3 * CLOUD).map(<[f32]>::to_vec).collect();
+    ensure!(
+        !clouds.is_empty() && clouds.len().is_multiple_of(turns.len().max(1)),
+        "its {} clouds are not as many at each of {} bearings",
+        clouds.len(),
+        turns.len()
+    );
     Ok(PoseRecord {
         pose: pose.try_into().ok().context("a pose has three numbers")?,
-        states: values(&tensors, "states")?,
-        offsets: values(&tensors, "offsets")?.iter().map(|&x| x as usize).collect(),
-        clouds: values(&tensors, "clouds")?.chunks_exact(3 * CLOUD).map(<[f32]>::to_vec).collect(),
+        states,
+        offsets,
+        turns,
+        clouds,
         counts: serde_json::from_str(&about.context("counts are missing")?)?,
     })
 }
@@ -87,16 +108,19 @@ mod tests {
             pose: [0.5, 0.1, -1.0],
             states: (0..3 * 46).map(|x| x as f32).collect(),
             offsets: vec![0, 2, 3],
+            turns: vec![0.0, 0.2],
             clouds: vec![vec![0.25; 3 * CLOUD]; 2],
             counts: BTreeMap::from([("lifted".to_owned(), 2)]),
         };
         let back = decode_pose(&encode_pose(&record).unwrap()).unwrap();
         assert_eq!(back.states, record.states);
-        assert_eq!(
-            (back.pose, back.offsets, back.counts),
-            (record.pose, record.offsets, record.counts)
-        );
-        assert_eq!(back.clouds, record.clouds);
+        assert_eq!((back.pose, &back.offsets), (record.pose, &record.offsets));
+        assert_eq!((&back.turns, &back.clouds), (&record.turns, &record.clouds));
+        assert_eq!(back.counts, record.counts);
+
+        let torn = PoseRecord { offsets: vec![0, 2, 9], ..record };
+        let message = decode_pose(&encode_pose(&torn).unwrap()).unwrap_err().to_string();
+        assert!(message.contains("do not fill its 3 rows"), "{message}");
     }
 
     #[test]

@@ -69,14 +69,23 @@ pub fn lessons(dataset: &Dataset, encoder: &TrainedEncoder) -> Result<(Vec<Lesso
     let (mut taught, mut held_out) = (Vec::new(), Vec::new());
     for name in &dataset.config.objects {
         for index in 0..dataset.config.poses {
-            let Ok(record) = dataset.pose(name, index) else { continue };
+            // A dataset in the making is learned from as far as it goes.
+            if !dataset.has_pose(name, index) {
+                continue;
+            }
+            let record = dataset.pose(name, index)?;
             if record.offsets.len() < 2 {
                 continue;
             }
             let latents = encoder.encode(&record.clouds)?;
             let demonstrations = Demonstrations::new(record.states, record.offsets);
-            let lesson = Lesson { demonstrations, latents };
-            if is_held_out(index) { held_out.push(lesson) } else { taught.push(lesson) }
+            let seen = latents.chunks_exact(latents.len() / record.turns.len().max(1));
+            for (turn, latents) in record.turns.iter().zip(seen) {
+                let demonstrations = demonstrations.turned(*turn);
+                let has_starts = *turn == 0.0;
+                let lesson = Lesson { demonstrations, latents: latents.to_vec(), has_starts };
+                if is_held_out(index) { held_out.push(lesson) } else { taught.push(lesson) }
+            }
         }
     }
     Ok((taught, held_out))
@@ -118,7 +127,7 @@ pub fn model_files(
     let whitening = encoder.whitening.tensors();
     let weights = merge(&[encoder.params.export(&whitening)?, policy.export(&[])?])?;
     let (mut z, mut q) = (Vec::new(), Vec::new());
-    for lesson in lessons {
+    for lesson in lessons.iter().filter(|lesson| lesson.has_starts) {
         for trajectory in 0..lesson.demonstrations.trajectories().min(STARTS_PER_POSE) {
             let (first, _) = lesson.demonstrations.span(trajectory);
             z.extend(&lesson.latents[0]);
@@ -151,7 +160,11 @@ fn merge(files: &[Vec<u8>]) -> Result<Vec<u8>> {
 
 /// Free roll-outs of the policy from the starts of lessons: distance (m) of the fingertips at the end
 /// from where the demonstration has them, the mean over the four tips, sorted.
-pub fn fingertip_errors(tree: &Tree, ngf: &policy::Ngf, lessons: &[Lesson]) -> Vec<f64> {
+pub fn fingertip_errors<'a>(
+    tree: &Tree,
+    ngf: &policy::Ngf,
+    lessons: impl Iterator<Item = &'a Lesson>,
+) -> Vec<f64> {
     let mut errors = Vec::new();
     for lesson in lessons {
         for trajectory in 0..lesson.demonstrations.trajectories().min(2) {
@@ -159,7 +172,8 @@ pub fn fingertip_errors(tree: &Tree, ngf: &policy::Ngf, lessons: &[Lesson]) -> V
             let mut state = JointState::at_rest(lesson.demonstrations.state(first).q);
             let z = &lesson.latents[lesson.latents.len() - 1];
             for _ in 0..120 {
-                let Some(qdd) = ngf.acceleration(&state, z) else { break };
+                let lost = || JointVector::repeat(f64::NAN);
+                let qdd = ngf.acceleration(&state, z).unwrap_or_else(lost);
                 state = integrator::step(&state, &qdd, CONTROL_PERIOD);
             }
             let wanted = lesson.demonstrations.state(end - 1).q;
