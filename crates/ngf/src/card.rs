@@ -6,7 +6,8 @@ use imitation::store;
 use serde_json::{Map, Value, json};
 use std::path::Path;
 
-/// Puts reports into a card: each replaces that of the same policy and object; the rest stays as it was.
+/// Puts reports into a card: each replaces that of the same policy and object. Counts of other weights
+/// or of another scene go; the rest stays as it was.
 pub(crate) fn update(path: &Path, reports: &[Report]) -> Result<()> {
     let mut card: Map<String, Value> = match std::fs::read(path) {
         Ok(bytes) => serde_json::from_slice(&bytes).with_context(|| {
@@ -22,7 +23,9 @@ pub(crate) fn update(path: &Path, reports: &[Report]) -> Result<()> {
         let mut entry = serde_json::to_value(report)?;
         // The attempts themselves follow from the seeds.
         entry.as_object_mut().map(|entry| entry.remove("rows"));
-        entries.retain(|other| ["policy", "object"].iter().any(|key| other[key] != entry[key]));
+        let same = |other: &Value, keys: [&str; 2]| keys.iter().all(|key| other[key] == entry[key]);
+        entries.retain(|other| same(other, ["model_hash", "scene_hash"]));
+        entries.retain(|other| !same(other, ["policy", "object"]));
         entries.push(entry);
     }
     card.insert("evaluation".into(), json!(entries));
@@ -63,6 +66,10 @@ mod tests {
         assert_eq!(found.len(), 2);
         assert_eq!((&found[1]["policy"], &found[1]["lifted"]), (&json!("policy"), &json!(7)));
         assert!(found[0].get("rows").is_none());
+        let other = Report { model_hash: Some("new".into()), ..report("policy", 9) };
+        update(&path, &[other]).unwrap();
+        let card: Value = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
+        assert_eq!(card["evaluation"].as_array().map(Vec::len), Some(1), "old weights go");
         std::fs::write(&path, "[").unwrap();
         assert!(update(&path, &[]).unwrap_err().to_string().contains("is not a card"));
     }

@@ -21,6 +21,9 @@ pub(crate) struct GraspOptions {
     /// Where to write the grasps.
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
+    /// Where to write all reliable grasps with their repeats that lifted.
+    #[arg(long, value_name = "FILE")]
+    reliable: Option<PathBuf>,
 }
 
 /// What to make.
@@ -46,7 +49,7 @@ pub(crate) fn grasps(options: &GraspOptions) -> Result<()> {
     let object = built_in(&options.object)?;
     let bar = bar(100);
     let config = SearchConfig::paper(&robot);
-    let set = search(&robot, &object, &config, options.seed, |share| {
+    let (set, reliable) = search(&robot, &object, &config, options.seed, |share| {
         bar.set_position((share * 100.0) as u64);
     })?;
     bar.finish_and_clear();
@@ -60,6 +63,9 @@ pub(crate) fn grasps(options: &GraspOptions) -> Result<()> {
         set.reliable,
         set.grasps.len()
     );
+    if let Some(path) = &options.reliable {
+        store::write(path, &serde_json::to_vec_pretty(&reliable)?)?;
+    }
     store::write(&options.out, &serde_json::to_vec_pretty(&set)?)
 }
 

@@ -29,8 +29,8 @@ pub(crate) struct Options {
     /// Where to write the report.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
-    /// Card of the model to put the counts into.
-    #[arg(long, value_name = "FILE")]
+    /// Card of the model to put the counts into; it holds attempts by the protocol.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["pose", "friction"])]
     card: Option<PathBuf>,
     /// Evaluate the controls too.
     #[arg(long)]
@@ -44,25 +44,33 @@ pub(crate) fn run(options: &Options) -> Result<()> {
     let mut runs = Vec::new();
     let mut model_hash = None;
     if options.model == "planner" {
-        runs.push((Controller::Planner, object.clone(), "planner"));
+        runs.push((Controller::Planner, object.clone(), "planner".to_owned()));
     } else {
         model_hash = Some(load(&mut workcell, &options.model)?);
-        runs.push((Controller::Policy, object.clone(), "policy"));
+        runs.push((Controller::Policy, object.clone(), "policy".to_owned()));
     }
     if options.controls {
         let slippery = object.clone().with_friction(0.0);
         if options.model != "planner" {
-            runs.push((Controller::Script, object.clone(), "no policy"));
-            runs.push((Controller::ShuffledLatent, object.clone(), "shuffled z"));
-            runs.push((Controller::ZeroLatent, object.clone(), "zero z"));
+            runs.push((Controller::Script, object.clone(), "no policy".to_owned()));
+            runs.push((Controller::ShuffledLatent, object.clone(), "shuffled z".to_owned()));
+            runs.push((Controller::ZeroLatent, object.clone(), "zero z".to_owned()));
         }
-        runs.push((runs[0].0.clone(), slippery, "friction 0"));
+        let label = format!("{}, friction 0", runs[0].2);
+        runs.push((runs[0].0.clone(), slippery, label));
     }
     let pose = match options.pose.as_deref() {
-        Some(&[x, y, yaw]) => Some([x, y, yaw]),
+        Some(&[x, y, yaw]) if [x, y, yaw].iter().all(|number| number.is_finite()) => {
+            Some([x, y, yaw])
+        }
+        Some(&[_, _, _]) => bail!("--pose takes finite numbers"),
         Some(other) => bail!("--pose takes x,y,yaw, found {} numbers", other.len()),
         None => None,
     };
+    let most = u64::MAX - options.attempts as u64;
+    if options.seed > most {
+        bail!("--seed may be at most {most} for {} attempts", options.attempts);
+    }
     let mut reports = Vec::new();
     for (controller, object, label) in runs {
         let bar = ProgressBar::new(options.attempts as u64);
@@ -71,7 +79,7 @@ pub(crate) fn run(options: &Options) -> Result<()> {
         let mut report =
             evaluation::evaluate(&workcell, &object, &name, &controller, pose, seeds, &advance)?;
         bar.finish_and_clear();
-        report.policy = label.to_owned();
+        report.policy = label;
         report.model_hash.clone_from(&model_hash);
         print(&report);
         reports.push(report);
@@ -87,7 +95,7 @@ fn print(report: &Report) {
     let failures: Vec<String> =
         report.failures.iter().map(|(reason, count)| format!("{count} {reason}")).collect();
     println!(
-        "{:12} {:14} {:3} of {:3} lifted, 95 % interval {low:.0}..{high:.0} %  {}",
+        "{:18} {:14} {:3} of {:3} lifted, 95 % interval {low:.0}..{high:.0} %  {}",
         report.policy,
         report.object,
         report.lifted,

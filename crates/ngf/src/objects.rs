@@ -49,6 +49,9 @@ impl ObjectOptions {
             _ => bail!("name an object with --object, or a mesh file with --mesh and --mass"),
         };
         Ok(match self.friction {
+            Some(friction) if !(friction.is_finite() && friction >= 0.0) => {
+                bail!("--friction must be zero or a positive number, found {friction}")
+            }
             Some(friction) => (name, object.with_friction(friction)),
             None => (name, object),
         })

@@ -2,7 +2,7 @@
 
 use anyhow::{Context, Result, bail};
 use imitation::dataset::built_in;
-use rollout::{Attempt, Controller, Episode, Workcell};
+use rollout::{Attempt, Controller, Episode, Verdict, Workcell};
 use std::path::PathBuf;
 
 /// What to replay, or to record.
@@ -18,7 +18,7 @@ pub(crate) struct Options {
     seed: u64,
 }
 
-/// Replays and prints verdict and final state hash; another hash than the recorded one is an error.
+/// Replays and prints verdict and final state hash; other ones than were recorded are an error.
 pub(crate) fn run(options: &Options) -> Result<()> {
     let workcell = Workcell::new()?;
     if let Some(name) = &options.record {
@@ -34,10 +34,17 @@ pub(crate) fn run(options: &Options) -> Result<()> {
         .with_context(|| format!("{} is not an episode", options.file.display()))?;
     let object = built_in(&episode.name)?;
     let (verdict, hash) = episode.replay(&workcell, &object)?;
-    println!("{}", verdict.map_or("No verdict.", |verdict| verdict.words()));
+    println!("{}", words(verdict));
     println!("{hash}");
     if hash != episode.state_hash {
         bail!("the recording ended in {}", episode.state_hash);
     }
+    if verdict != episode.verdict {
+        bail!("the recording ended otherwise: {}", words(episode.verdict));
+    }
     Ok(())
+}
+
+fn words(verdict: Option<Verdict>) -> &'static str {
+    verdict.map_or("No verdict.", |verdict| verdict.words())
 }

@@ -18,7 +18,7 @@ pub(crate) enum Options {
     /// The autoencoder, on a dataset's clouds.
     Encoder(Run),
     /// The policy, on a dataset's demonstrations, with the encoder in the same folder.
-    Policy(Run),
+    Policy(PolicyRun),
 }
 
 /// Where from, where to, how long.
@@ -34,23 +34,38 @@ pub(crate) struct Run {
     #[arg(long)]
     steps: Option<u64>,
     /// Threads, one shard of the batch each.
-    #[arg(long, default_value_t = 2)]
+    #[arg(long, default_value_t = 2, value_parser = at_least_one)]
     threads: usize,
     /// Seed of weights and batches.
     #[arg(long, default_value_t = 0)]
     seed: u64,
     /// Batch size instead of the standard one.
-    #[arg(long)]
+    #[arg(long, value_parser = at_least_one)]
     batch: Option<usize>,
     /// Peak learning rate instead of the standard one.
     #[arg(long)]
     rate: Option<f32>,
+}
+
+/// What only the policy knows.
+#[derive(clap::Args)]
+pub(crate) struct PolicyRun {
+    #[command(flatten)]
+    run: Run,
     /// Folder of a model to continue from instead of beginning anew: its encoder and its policy.
     #[arg(long, value_name = "DIR")]
     from: Option<PathBuf>,
     /// Learn from this many object poses only.
-    #[arg(long)]
+    #[arg(long, value_parser = at_least_one)]
     poses: Option<usize>,
+}
+
+fn at_least_one(text: &str) -> Result<usize, String> {
+    match text.parse() {
+        Ok(0) => Err("it must be at least 1".into()),
+        Ok(number) => Ok(number),
+        Err(error) => Err(format!("{error}")),
+    }
 }
 
 /// Matrix products stay on the thread of their shard; memory that is freed is kept, for a step frees
@@ -65,15 +80,21 @@ const ENVIRONMENT: [(&str, &str); 4] = [
 /// Steps between two looks at free roll-outs.
 const EVALUATION: u64 = 10_000;
 
+/// Lessons of which these are, spread over all objects.
+const SHOWN: usize = 20;
+
 pub(crate) fn run(options: &Options) -> Result<()> {
     if ENVIRONMENT.iter().any(|(name, value)| std::env::var(name).as_deref() != Ok(value)) {
         let program = std::env::current_exe().context("where this program is")?;
         let mut again = Command::new(program);
         again.args(std::env::args_os().skip(1)).envs(ENVIRONMENT);
-        if !again.status()?.success() {
-            bail!("training ended early; run the same command again to continue it");
-        }
-        return Ok(());
+        let status = again.status()?;
+        return match status.code() {
+            Some(0) => Ok(()),
+            // It has said why.
+            Some(code) => std::process::exit(code),
+            None => bail!("training was stopped; run the same command again to continue it"),
+        };
     }
     match options {
         Options::Encoder(run) => encoder(run),
@@ -94,7 +115,8 @@ fn encoder(run: &Run) -> Result<()> {
     })
 }
 
-fn policy(run: &Run) -> Result<()> {
+fn policy(options: &PolicyRun) -> Result<()> {
+    let run = &options.run;
     let mut config =
         DaggerConfig { shards: run.threads, seed: run.seed, ..DaggerConfig::standard() };
     config.steps = run.steps.unwrap_or(config.steps);
@@ -102,8 +124,8 @@ fn policy(run: &Run) -> Result<()> {
     config.rate = run.rate.unwrap_or(config.rate);
     let tree = Tree::iiwa7_allegro()?;
     let mut dataset = Dataset::open(&run.data)?;
-    dataset.config.poses = run.poses.unwrap_or(dataset.config.poses).min(dataset.config.poses);
-    let begin = run.from.as_deref().map(read_model).transpose()?;
+    dataset.config.poses = options.poses.unwrap_or(dataset.config.poses).min(dataset.config.poses);
+    let begin = options.from.as_deref().map(read_model).transpose()?;
     let encoder = match &begin {
         Some((weights, _)) => TrainedEncoder::of_model(weights)?,
         None => TrainedEncoder::load(&run.out)?,
@@ -133,7 +155,8 @@ fn policy(run: &Run) -> Result<()> {
                 let tensors = ::policy::weights::Tensors::parse(&weights)?;
                 let ngf = ::policy::Ngf::load(&tensors, &config.ngf, &tree.limits)?;
                 for (label, lessons) in [("taught", &taught), ("held out", &held_out)] {
-                    let shown = &lessons[..lessons.len().min(10)];
+                    let every = lessons.len().div_ceil(SHOWN).max(1);
+                    let shown = lessons.iter().step_by(every);
                     let errors = training::fingertip_errors(&tree, &ngf, shown);
                     if let (Some(median), Some(p90)) =
                         (errors.get(errors.len() / 2), errors.get(errors.len() * 9 / 10))

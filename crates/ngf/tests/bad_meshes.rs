@@ -5,7 +5,7 @@
 use std::path::Path;
 use std::process::Command;
 
-/// What `ngf evaluate` says of a mesh file.
+/// What `ngf evaluate` says of a mesh file that it refuses.
 fn complaint(folder: &Path, name: &str, bytes: &[u8]) -> String {
     let file = folder.join(name);
     std::fs::write(&file, bytes).unwrap();
@@ -16,7 +16,7 @@ fn complaint(folder: &Path, name: &str, bytes: &[u8]) -> String {
         .unwrap();
     let said = String::from_utf8(output.stderr).unwrap();
     assert_eq!(output.status.code(), Some(2), "{name}: {said}");
-    assert!(said.starts_with("error: ") && said.contains(name), "{name}: {said}");
+    assert!(said.starts_with("error: "), "{name}: {said}");
     assert!(!said.contains("panicked"), "{name}: {said}");
     said
 }
@@ -63,6 +63,7 @@ fn each_bad_file_has_its_own_message() {
         let message = complaint(folder.path(), name, &bytes);
         println!("{}", message.trim_end().replace(&folder.path().display().to_string(), ""));
         assert!(message.contains(wanted), "{name}: wanted \"{wanted}\" in \"{message}\"");
+        assert!(message.contains(name), "{name} is not named: {message}");
         said.push(message.replace(name, ""));
     }
     said.sort();
@@ -73,20 +74,9 @@ fn each_bad_file_has_its_own_message() {
 #[test]
 fn an_extension_does_not_matter() {
     let folder = tempfile::tempdir().unwrap();
-    let file = folder.path().join("box.stl");
-    std::fs::write(
-        &file,
-        "v 0 0 0\nv 40 0 0\nv 40 60 0\nv 0 60 0\nv 0 0 120\nv 40 0 120\nv 40 60 120\nv 0 60 120\n\
-         f 1 4 3 2\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n",
-    )
-    .unwrap();
-    let output = Command::new(env!("CARGO_BIN_EXE_ngf"))
-        .args(["evaluate", "--model", "planner", "--attempts", "1", "--mass", "0.3", "--mesh"])
-        .arg(&file)
-        .output()
-        .unwrap();
-    let said = String::from_utf8(output.stderr).unwrap();
+    let cube = "v 0 0 0\nv 40 0 0\nv 40 60 0\nv 0 60 0\nv 0 0 120\nv 40 0 120\nv 40 60 120\n\
+        v 0 60 120\nf 1 4 3 2\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n";
     // It is read for what it is; the planner has no grasps of it, which is another matter.
+    let said = complaint(folder.path(), "box.stl", cube.as_bytes());
     assert!(said.contains("the planner knows no grasps of box"), "{said}");
-    assert_eq!(output.status.code(), Some(2));
 }
