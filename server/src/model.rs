@@ -112,8 +112,14 @@ impl Model {
                 files.insert(file.name.into(), entry);
             }
         }
-        let card = self.card().await?;
-        Ok(json!({ "object": "model", "id": self.id, "files": files, "card": card }))
+        // Weights are of use without their card, so a bad card is told and does no harm.
+        let (card, problem) = match self.card().await {
+            Ok(card) => (card, Value::Null),
+            Err(problem) => (Value::Null, problem.detail.into()),
+        };
+        Ok(json!({
+            "object": "model", "id": self.id, "files": files, "card": card, "card_error": problem,
+        }))
     }
 
     async fn card(&self) -> Result<Value, Problem> {
@@ -126,7 +132,7 @@ impl Model {
             status: StatusCode::INTERNAL_SERVER_ERROR,
             code: "card_invalid",
             detail: format!("card.json of model \"{}\" is not JSON: {error}", self.id),
-            hint: "write it again with `ngf evaluate`".into(),
+            hint: "delete it, then write it again with `ngf evaluate --card FILE`".into(),
         })
     }
 }

@@ -180,6 +180,19 @@ async fn weights_answer_conditions_and_ranges() {
 }
 
 #[tokio::test]
+async fn a_bad_card_does_not_take_the_weights_away() {
+    let folder = folder();
+    std::fs::write(folder.path().join("models/default/card.json"), b"{\"lifted\":")
+        .expect("a card");
+    for path in ["/api/v1/models", "/api/v1/models/default"] {
+        let answer = json(get(&folder, path).await).await;
+        let model = answer["data"].get(0).unwrap_or(&answer);
+        assert!(model["card"].is_null() && model["files"]["weights"]["bytes"].is_u64(), "{model}");
+        assert!(model["card_error"].as_str().is_some_and(|e| e.contains("card.json")), "{model}");
+    }
+}
+
+#[tokio::test]
 async fn every_error_is_a_problem() {
     let folder = folder();
     for (path, code) in [
@@ -188,7 +201,10 @@ async fn every_error_is_a_problem() {
         ("/api/v1/nothing", "not_found"),
         ("/nothing", "not_found"),
         ("/assets/gone.js", "not_found"),
-        ("/../Cargo.toml", "not_found"),
+        ("/../models/default/card.json", "not_found"),
+        ("/%2e%2e/models/default/card.json", "not_found"),
+        ("/..%2fmodels/default/card.json", "not_found"),
+        ("/assets/../../models/default/card.json", "not_found"),
         ("/api/v1/models/draft", "model_not_found"),
         ("/api/v1/models/default/starts", "model_file_not_found"),
         ("/api/v1/models/default/card.json", "model_file_not_found"),
