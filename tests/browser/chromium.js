@@ -7,7 +7,7 @@ import { fileURLToPath } from "node:url";
 import { chromium } from "playwright-core";
 
 const root = fileURLToPath(new URL("../..", import.meta.url));
-const program = process.env.NGF ?? `${root}target/debug/ngf`;
+export const program = process.env.NGF ?? `${root}target/debug/ngf`;
 const browserProgram = process.env.CHROMIUM ?? "/usr/bin/chromium";
 const screenshots = process.env.SCREENSHOTS ?? `${root}target/screenshots`;
 
@@ -26,7 +26,8 @@ export async function open() {
     server.once("exit", () => reject(new Error(`${program} stopped before it served`)));
     createInterface(server.stdout).once("line", (line) => resolve([line]));
   });
-  const browser = await chromium.launch({
+  server.removeAllListeners("exit");
+  const launched = chromium.launch({
     executablePath: browserProgram,
     args: [
       "--no-sandbox",
@@ -37,9 +38,13 @@ export async function open() {
       "--no-first-run",
     ],
   });
+  // A server that nobody ends keeps the tests from ending.
+  const browser = await launched.catch((error) => {
+    server.kill();
+    throw error;
+  });
   const close = async () => {
     await browser.close();
-    server.removeAllListeners("exit");
     server.kill();
   };
   return { address, browser, close };

@@ -6,7 +6,7 @@ import { open, screenshot, untilReady, visit } from "./chromium.js";
 
 let served;
 before(async () => (served = await open()));
-after(() => served.close());
+after(() => served?.close());
 
 // A box of 40 x 60 x 120, without a unit as OBJ files are.
 const BOX = `v 0 0 0\nv 40 0 0\nv 40 60 0\nv 0 60 0\nv 0 0 120\nv 40 0 120\nv 40 60 120\nv 0 60 120
@@ -66,8 +66,9 @@ test("bad files each say what is wrong, and the scene goes on", async () => {
   await screenshot(page, "failure");
   await page.click(".failure .close");
   assert.equal(await page.locator(".failure").count(), 0);
+  const before = await page.inputValue("#pose-x");
   await page.click("#new-pose");
-  await page.waitForFunction(() => document.getElementById("seed").value === "1");
+  await page.waitForFunction((x) => document.getElementById("pose-x").value !== x, before);
   assert.deepEqual(complaints, []);
   await page.close();
 });

@@ -96,7 +96,6 @@ impl Shape {
 #[derive(Serialize)]
 pub(crate) struct Link {
     pub(crate) body: usize,
-    pub(crate) name: String,
     pub(crate) color: &'static str,
     pub(crate) shape: Shape,
 }
@@ -158,6 +157,8 @@ pub(crate) struct ObjectLoaded {
     pub(crate) shape: Shape,
     pub(crate) hulls: Vec<Shape>,
     pub(crate) report: Report,
+    /// Attempts so far with this object.
+    pub(crate) tally: Tally,
 }
 
 /// Phases of an attempt; `Idle` is before the first and after a reset.
@@ -230,6 +231,9 @@ pub(crate) struct Verdict {
     pub(crate) lifted: bool,
     pub(crate) words: String,
     pub(crate) seed: u32,
+    pub(crate) pose: PlanarPose,
+    /// Whether the object was placed by hand, not where the seed puts it.
+    pub(crate) placed: bool,
     pub(crate) hash: String,
     pub(crate) tally: Tally,
 }

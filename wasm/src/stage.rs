@@ -2,14 +2,15 @@
 
 use crate::look;
 use crate::protocol::{
-    BuiltIn, Cloud, DepthCamera, Failure, Frame, Link, Phase, PlanarPose, Ready, Rectangle, Shape,
-    Table, Verdict,
+    BuiltIn, Cloud, DepthCamera, Failure, Frame, Link, ObjectLoaded, Phase, PlanarPose, Ready,
+    Rectangle, Shape, Table, Verdict,
 };
-use crate::statistics::Tally;
+use crate::statistics::{Attempts, Tally};
 use crate::upload::{self, Loaded};
 use geometry::Pose;
 use js_sys::Float32Array;
 use robot::rotation;
+use rollout::workcell::object_hash;
 use rollout::{Attempt, Controller, RolloutError, Workcell};
 use scene::config::CONTROL_PERIOD;
 use std::collections::BTreeMap;
@@ -18,11 +19,15 @@ use std::collections::BTreeMap;
 pub(crate) struct Stage {
     workcell: Workcell,
     loaded: Loaded,
+    /// Of what stands there, from [`object_hash`].
+    object: String,
     pose: PlanarPose,
+    /// The seed that the pose was drawn from, unless the object was placed by hand.
+    pose_seed: Option<u32>,
     attempt: Option<Attempt>,
     seed: u32,
-    /// By the object's label.
-    tallies: BTreeMap<String, Tally>,
+    /// By the object's hash.
+    attempts: BTreeMap<String, Attempts>,
 }
 
 impl Stage {
@@ -31,8 +36,11 @@ impl Stage {
         let workcell = Workcell::new().map_err(|error| broken(&error))?;
         let first = upload::names().next().unwrap_or_default();
         let pose = draw_pose(&workcell, 0);
-        let (loaded, tallies) = (upload::built_in(first)?, BTreeMap::new());
-        Ok(Self { workcell, loaded, pose, attempt: None, seed: 0, tallies })
+        let loaded = upload::built_in(first)?;
+        let object = object_hash(&loaded.object);
+        let attempts = BTreeMap::new();
+        let pose_seed = Some(0);
+        Ok(Self { workcell, loaded, object, pose, pose_seed, attempt: None, seed: 0, attempts })
     }
 
     /// What the page needs once.
@@ -42,7 +50,6 @@ impl Stage {
         let parts = look::parts(tree).map_err(|error| broken(&error))?;
         let link = |part: look::Part| Link {
             body: part.body,
-            name: tree.bodies[part.body].name.clone(),
             color: part.color,
             shape: Shape::of(&part.mesh),
         };
@@ -61,15 +68,20 @@ impl Stage {
         })
     }
 
-    /// What stands on the table.
-    pub(crate) fn loaded(&self) -> &Loaded {
-        &self.loaded
-    }
-
     /// Puts another object there.
     pub(crate) fn load(&mut self, loaded: Loaded) {
+        self.object = object_hash(&loaded.object);
         self.loaded = loaded;
         self.reset();
+    }
+
+    /// What the page shows of it.
+    pub(crate) fn object(&self) -> ObjectLoaded {
+        self.loaded.message(self.tally())
+    }
+
+    fn tally(&self) -> Tally {
+        self.attempts.get(&self.object).map(Attempts::tally).unwrap_or_default()
     }
 
     /// Ends the attempt, if there is one: the robot is home, the object where it was.
@@ -77,8 +89,12 @@ impl Stage {
         self.attempt = None;
     }
 
-    /// Moves the object to the nearest pose in the workspace, which ends an attempt.
+    /// Moves the object to the nearest pose in the workspace, which ends an attempt. What is no pose
+    /// moves nothing.
     pub(crate) fn place(&mut self, pose: PlanarPose) {
+        if ![pose.x, pose.y, pose.yaw].iter().all(|number| number.is_finite()) {
+            return;
+        }
         let workspace = &self.workcell.robot.config.workspace;
         let turn = std::f32::consts::TAU;
         self.pose = PlanarPose {
@@ -86,12 +102,14 @@ impl Stage {
             y: pose.y.clamp(workspace.y[0], workspace.y[1]),
             yaw: pose.yaw - turn * (pose.yaw / turn).round(),
         };
+        self.pose_seed = None;
         self.reset();
     }
 
     /// Moves the object to where an attempt with this seed finds it when no pose is given.
     pub(crate) fn place_by_seed(&mut self, seed: u32) {
         self.pose = draw_pose(&self.workcell, seed);
+        self.pose_seed = Some(seed);
         self.reset();
     }
 
@@ -141,14 +159,18 @@ impl Stage {
     pub(crate) fn count_verdict(&mut self) -> Option<Verdict> {
         let attempt = self.attempt.as_ref()?;
         let verdict = attempt.verdict()?;
-        let tally = self.tallies.entry(self.loaded.label.clone()).or_default();
-        tally.count(verdict.is_lifted());
+        let hash = attempt.state_hash();
+        let attempts = self.attempts.entry(self.object.clone()).or_default();
+        let PlanarPose { x, y, yaw } = self.pose;
+        attempts.count(self.seed, [x, y, yaw], verdict.is_lifted());
         Some(Verdict {
             lifted: verdict.is_lifted(),
             words: verdict.words().to_owned(),
             seed: self.seed,
-            hash: attempt.state_hash(),
-            tally: *tally,
+            pose: self.pose,
+            placed: self.pose_seed != Some(self.seed),
+            hash,
+            tally: attempts.tally(),
         })
     }
 

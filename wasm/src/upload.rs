@@ -1,6 +1,7 @@
 //! Objects to grasp: built in, or from the bytes of a mesh file.
 
 use crate::protocol::{Failure, ObjectLoaded, Report, Shape, Unit};
+use crate::statistics::Tally;
 use geometry::mesh::{self, Healing, Import};
 use geometry::object::{BUILT_IN, Object};
 
@@ -76,7 +77,7 @@ pub(crate) fn read(file_name: &str, bytes: &[u8], unit: Option<Unit>) -> Result<
 
 impl Loaded {
     /// What the page is told.
-    pub(crate) fn message(&self) -> ObjectLoaded {
+    pub(crate) fn message(&self, tally: Tally) -> ObjectLoaded {
         let hulls = self.object.parts.iter().filter_map(|part| mesh::hull(part, HULL_POINTS));
         ObjectLoaded {
             name: self.name.clone(),
@@ -84,6 +85,7 @@ impl Loaded {
             shape: Shape::of(&self.object.mesh),
             hulls: hulls.map(|hull| Shape::of(&hull)).collect(),
             report: self.report.clone(),
+            tally,
         }
     }
 }

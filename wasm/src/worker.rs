@@ -53,7 +53,7 @@ pub(crate) fn start() {
 fn begin() -> Result<(), Failure> {
     let stage = Stage::new()?;
     post(&FromWorker::Ready(stage.ready()?));
-    post(&FromWorker::Object(stage.loaded().message()));
+    post(&FromWorker::Object(stage.object()));
     let worker = Worker { stage, clock: Clock::new(), is_awaited: false };
     worker.show();
     WORKER.with(|cell| *cell.borrow_mut() = Some(worker));
@@ -128,7 +128,7 @@ impl Worker {
         match loaded {
             Ok(loaded) => {
                 self.stage.load(loaded);
-                post(&FromWorker::Object(self.stage.loaded().message()));
+                post(&FromWorker::Object(self.stage.object()));
             }
             // What stood there still does.
             Err(failure) => post(&FromWorker::Failure(failure)),

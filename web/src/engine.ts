@@ -4,6 +4,8 @@ import type { Failure, FromWorker, ToWorker } from "./protocol";
 
 export class Engine {
   #worker: Worker;
+  // A worker hears nothing before it is ready: what is said meanwhile is kept.
+  #waiting: [ToWorker, Transferable[]][] | null = [];
   readonly #receive: (message: FromWorker) => void;
 
   constructor(receive: (message: FromWorker) => void) {
@@ -12,13 +14,21 @@ export class Engine {
   }
 
   send(message: ToWorker, transfer: Transferable[] = []): void {
-    this.#worker.postMessage(message, transfer);
+    if (this.#waiting) this.#waiting.push([message, transfer]);
+    else this.#worker.postMessage(message, transfer);
   }
 
   // A worker that has failed cannot go on; a new one can.
   restart(): void {
     this.#worker.terminate();
+    this.#waiting = [];
     this.#worker = this.#start();
+  }
+
+  #deliver(): void {
+    const waiting = this.#waiting ?? [];
+    this.#waiting = null;
+    for (const [message, transfer] of waiting) this.#worker.postMessage(message, transfer);
   }
 
   #start(): Worker {
@@ -28,6 +38,8 @@ export class Engine {
     worker.onmessage = ({ data }: MessageEvent<FromWorker>) => {
       hasTold ||= data.kind === "failure" && data.code.startsWith("engine_");
       this.#receive(data);
+      // The policy is the last thing that a worker begins with.
+      if (data.kind === "ready") this.#deliver();
     };
     worker.onerror = (event) => {
       event.preventDefault();

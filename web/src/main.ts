@@ -8,14 +8,16 @@ import { onKeys } from "./panel/keys";
 import { ObjectPicker } from "./panel/objects";
 import { Playback } from "./panel/playback";
 import { PosePanel } from "./panel/pose";
-import { showProgress } from "./panel/progress";
+import { endProgress, showProgress } from "./panel/progress";
 import { ReportCard } from "./panel/report";
 import { makeSheet } from "./panel/sheet";
 import type { FromWorker, Model, PlanarPose, ToWorker, Unit } from "./protocol";
 import type { Preset } from "./view/camera";
 import { type Layer, View } from "./view/view";
 
-let lastFile: File | null = null;
+// The file that stands on the table, and the one that is being read.
+let shownFile: File | null = null;
+let comingFile: File | null = null;
 let isFirstModel = true;
 
 const engine = new Engine(receive);
@@ -29,8 +31,8 @@ const attempt = new AttemptPanel({
 });
 const playback = new Playback(send);
 const pose = new PosePanel(place);
-const objects = new ObjectPicker({ load: (object) => send({ kind: "load", object }), upload });
-const report = new ReportCard((unit) => lastFile && void upload(lastFile, unit));
+const objects = new ObjectPicker({ load, upload });
+const report = new ReportCard((unit) => shownFile && void upload(shownFile, unit));
 const view = makeView();
 
 makeSheet();
@@ -77,7 +79,8 @@ function receive(message: FromWorker): void {
       view?.showObject(message);
       objects.select(message.name, message.label);
       report.show(message.report);
-      attempt.hasObject();
+      attempt.hasObject(message.tally);
+      if (message.name === null) shownFile = comingFile;
       break;
     case "frame":
       view?.showFrame(message);
@@ -98,6 +101,7 @@ function receive(message: FromWorker): void {
       attempt.showVerdict(message);
       break;
     case "failure":
+      if (message.code.startsWith("engine_")) stop();
       failures.show(message);
       break;
   }
@@ -107,14 +111,33 @@ function receive(message: FromWorker): void {
 function showModel(model: Model): void {
   attempt.showModel(model);
   const isWelcome = !matchMedia("(prefers-reduced-motion: reduce)").matches;
-  if (isFirstModel && isWelcome) attempt.grasp();
+  if (isFirstModel && isWelcome) whenSeen(() => attempt.grasp());
   isFirstModel = false;
 }
 
+function whenSeen(act: () => void): void {
+  if (document.hidden) document.addEventListener("visibilitychange", act, { once: true });
+  else act();
+}
+
+// Without a worker nothing can be asked for; a new one says when it is ready.
+function stop(): void {
+  attempt.stop();
+  playback.disable();
+  endProgress();
+}
+
+function load(object: string): void {
+  comingFile = null;
+  send({ kind: "load", object });
+}
+
 async function upload(file: File, unit: Unit | null): Promise<void> {
-  lastFile = file;
+  comingFile = file;
   try {
     const bytes = await file.arrayBuffer();
+    // Another one was chosen meanwhile.
+    if (comingFile !== file) return;
     engine.send({ kind: "upload", fileName: file.name, bytes, unit }, [bytes]);
   } catch (error) {
     failures.show({

@@ -37,7 +37,6 @@ export interface Shape {
 // A part of the robot: it moves with the body of this index.
 export interface Link {
   body: number;
-  name: string;
   color: string;
   shape: Shape;
 }
@@ -90,6 +89,8 @@ export interface ObjectLoaded {
   shape: Shape;
   hulls: Shape[];
   report: Report;
+  // Attempts so far with this object.
+  tally: Tally;
 }
 
 export interface Frame {
@@ -133,6 +134,9 @@ export interface Verdict {
   lifted: boolean;
   words: string;
   seed: number;
+  pose: PlanarPose;
+  // Whether the object was placed by hand, not where the seed puts it.
+  placed: boolean;
   // Of the final state, the same on every machine.
   hash: string;
   tally: Tally;

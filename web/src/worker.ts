@@ -12,7 +12,7 @@ try {
     kind: "failure",
     code: error instanceof WebAssembly.CompileError ? "wasm_unsupported" : "engine_not_loaded",
     cause: String(error),
-    cure: "Reload the page. It needs WebAssembly with SIMD: Chrome 91, Firefox 89, Safari 16.4 or newer.",
+    cure: "Reload the page. It needs Chrome 111, Firefox 121, Safari 16.4 or newer.",
   };
   postMessage(failure);
 }

@@ -43,10 +43,20 @@ export class AttemptPanel {
     });
   }
 
-  // There is an object to grasp.
-  hasObject(): void {
+  // There is an object to grasp, and perhaps it has been tried.
+  hasObject(tally: Tally): void {
     this.#hasObject = true;
+    this.#hash.hidden = true;
+    showTally(tally);
     this.#enable();
+  }
+
+  // Nothing can be tried until there is an object and somebody who acts.
+  stop(): void {
+    this.#hasObject = false;
+    this.#actor = null;
+    this.#enable();
+    this.#headline.textContent = "Stopped";
   }
 
   // It is known who acts.
@@ -93,9 +103,8 @@ export class AttemptPanel {
     this.#headline.textContent = verdict.words;
     this.#announcement.textContent = `${verdict.words} ${inWords(verdict.tally)}.`;
     this.#hash.hidden = false;
-    this.#hash.textContent = `Seed ${verdict.seed} ended in state ${verdict.hash.slice(0, 16)}`;
+    this.#hash.textContent = `Seed ${verdict.seed}${byHand(verdict)} ended in state ${verdict.hash.slice(0, 16)}`;
     this.#hash.title = verdict.hash;
-    this.#seed.value = String(verdict.seed + 1);
     showTally(verdict.tally);
     this.#showPhases();
   }
@@ -118,13 +127,21 @@ export class AttemptPanel {
   }
 }
 
+function byHand({ placed, pose }: Verdict): string {
+  if (!placed) return "";
+  return `, placed by hand at ${pose.x.toFixed(3)}, ${pose.y.toFixed(3)} m, ${pose.yaw.toFixed(3)} rad,`;
+}
+
 function showTally(tally: Tally): void {
   const [least, most] = tally.interval;
-  element("tally", HTMLElement).textContent = inWords(tally);
-  element("tally-hint", HTMLElement).textContent =
-    `With this object: between ${percent(least)} and ${percent(most)} of attempts, by the 95 % interval.`;
+  const isNew = tally.attempts === 0;
+  element("tally", HTMLElement).textContent = isNew ? "None yet with this object" : inWords(tally);
+  element("tally-hint", HTMLElement).textContent = isNew
+    ? "A seed fixes the pose, the camera’s noise and the target."
+    : `With this object: between ${percent(least)} and ${percent(most)} of attempts, by the 95 % interval. A repeat counts once.`;
   const bar = element("interval", HTMLElement);
-  bar.hidden = false;
+  bar.hidden = isNew;
+  if (isNew) return;
   const [band, mark] = [bar.querySelector("span"), bar.querySelector("i")];
   if (band) [band.style.left, band.style.right] = [percent(least), percent(1 - most)];
   if (mark) mark.style.left = percent(tally.lifted / tally.attempts);

@@ -3,10 +3,12 @@
 export function onKeys(actions: Record<string, () => void>, other: (key: string) => boolean): void {
   addEventListener("keydown", (event) => {
     if (event.ctrlKey || event.metaKey || event.altKey || isTaken(event)) return;
+    if (document.querySelector("dialog[open]")) return;
     const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
     const action = actions[key];
-    if (action) action();
-    else if (!other(key)) return;
+    // A key that is held moves the object on, but presses a button once.
+    if (action && !event.repeat) action();
+    else if (!action && !other(key)) return;
     event.preventDefault();
   });
 }

@@ -25,7 +25,15 @@ export class Playback {
   }
 
   enable(): void {
-    for (const control of [this.#pause, this.#step, this.#reset, this.#speed]) control.disabled = false;
+    this.#setDisabled(false);
+  }
+
+  disable(): void {
+    this.#setDisabled(true);
+  }
+
+  #setDisabled(on: boolean): void {
+    for (const control of [this.#pause, this.#step, this.#reset, this.#speed]) control.disabled = on;
   }
 
   toggle(): void {

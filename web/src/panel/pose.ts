@@ -28,8 +28,15 @@ export class PosePanel {
 
   constructor(place: (pose: PlanarPose) => void) {
     this.#place = place;
-    for (const input of [this.#x, this.#y, this.#yaw]) {
-      input.addEventListener("change", () => this.#read());
+    // Only the number that was changed: the others are shown rounded.
+    const unit = { x: 0.01, y: 0.01, yaw: DEGREE };
+    for (const [key, input] of [["x", this.#x], ["y", this.#y], ["yaw", this.#yaw]] as const) {
+      input.addEventListener("change", () => {
+        const value = input.valueAsNumber;
+        if (Number.isFinite(value)) this.#place({ ...this.#pose, [key]: value * unit[key] });
+      });
+      // What was typed may lie outside, and the object stops at the edge.
+      input.addEventListener("blur", () => this.#write());
     }
   }
 
@@ -42,9 +49,14 @@ export class PosePanel {
     this.#pose = pose;
     this.#isFree = phase === "idle" || phase === "verdict";
     this.#fields.disabled = !this.#isFree;
-    write(this.#x, cm(pose.x));
-    write(this.#y, cm(pose.y));
-    write(this.#yaw, (pose.yaw / DEGREE).toFixed(0));
+    this.#write();
+  }
+
+  #write(): void {
+    const { x, y, yaw } = this.#pose;
+    write(this.#x, cm(x));
+    write(this.#y, cm(y));
+    write(this.#yaw, (yaw / DEGREE).toFixed(0));
   }
 
   // True if this key moves the object.
@@ -54,12 +66,6 @@ export class PosePanel {
     const { x, y, yaw } = this.#pose;
     this.#place({ x: x + by.x, y: y + by.y, yaw: yaw + by.yaw });
     return true;
-  }
-
-  #read(): void {
-    const [x, y, yaw] = [this.#x, this.#y, this.#yaw].map((input) => input.valueAsNumber);
-    if (x === undefined || y === undefined || yaw === undefined) return;
-    if (Number.isFinite(x + y + yaw)) this.#place({ x: x / 100, y: y / 100, yaw: yaw * DEGREE });
   }
 }
 

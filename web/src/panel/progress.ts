@@ -4,13 +4,16 @@ import { element } from "../dom";
 import type { Progress } from "../protocol";
 
 export function showProgress(progress: Progress): void {
-  const box = element("progress", HTMLElement);
-  box.hidden = progress.finished;
-  if (progress.finished) return;
+  if (progress.finished) return endProgress();
+  element("progress", HTMLElement).hidden = false;
   const bar = element("progress-bar", HTMLProgressElement);
   if (progress.total === null) bar.removeAttribute("value");
   else [bar.max, bar.value] = [progress.total, progress.done];
   element("progress-label", HTMLElement).textContent = `${progress.label} ${amount(progress)}`;
+}
+
+export function endProgress(): void {
+  element("progress", HTMLElement).hidden = true;
 }
 
 function amount({ done, total, unit }: Progress): string {

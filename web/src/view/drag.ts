@@ -41,7 +41,9 @@ export function dragObject(canvas: HTMLCanvasElement, workspace: Rectangle, targ
   canvas.addEventListener(
     "pointerdown",
     (event) => {
-      if (event.button !== 0 || pointer !== null || !isOver(event)) return;
+      // A second finger zooms: it ends a drag and begins none.
+      if (pointer !== null && !event.isPrimary) release(pointer);
+      if (event.button !== 0 || !event.isPrimary || pointer !== null || !isOver(event)) return;
       event.stopImmediatePropagation();
       const { matrixWorld, position } = target.thing.group;
       // Move in the plane through the point that was grabbed, so that it stays under the pointer.
@@ -61,19 +63,20 @@ export function dragObject(canvas: HTMLCanvasElement, workspace: Rectangle, targ
       return;
     }
     if (event.pointerId !== pointer) return;
+    if (!target.isFree()) return release(pointer);
     aim(event);
     if (!raycaster.ray.intersectPlane(table, hit)) return;
     hit.sub(offset);
     target.moved(clamp(hit.x, workspace.x), clamp(hit.y, workspace.y));
   });
 
-  const release = (event: PointerEvent) => {
-    if (event.pointerId !== pointer) return;
+  const release = (id: number) => {
+    if (id !== pointer) return;
     pointer = null;
     target.grabbed(false);
   };
-  canvas.addEventListener("pointerup", release);
-  canvas.addEventListener("pointercancel", release);
+  canvas.addEventListener("pointerup", (event) => release(event.pointerId));
+  canvas.addEventListener("pointercancel", (event) => release(event.pointerId));
 }
 
 function clamp(value: number, [least, most]: [number, number]): number {

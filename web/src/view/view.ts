@@ -31,6 +31,8 @@ export class View {
   #sensor: Sensor | null = null;
   #robot: Group[] = [];
   #frame: Frame | null = null;
+  // Where the object stood when it was looked at.
+  #seenAt: PlanarPose | null = null;
   #showsSensor = false;
   #isAwake = false;
 
@@ -44,7 +46,6 @@ export class View {
     this.#viewpoint = new Viewpoint(canvas, () => this.#wake());
     this.#scene.add(this.#thing.group, this.#cloud.points);
     this.#thing.group.visible = false;
-
 
     new ResizeObserver(() => this.#resize()).observe(canvas);
     canvas.addEventListener("webglcontextlost", (event) => {
@@ -81,12 +82,17 @@ export class View {
   showObject(loaded: ObjectLoaded): void {
     this.#thing.show(loaded);
     this.#thing.group.visible = true;
-    this.showCloud(new Float32Array(0));
+    this.#clearCloud();
   }
 
   showCloud(points: Float32Array): void {
     this.#cloud.show(points);
+    this.#seenAt = this.#frame?.pose ?? null;
     this.#wake();
+  }
+
+  #clearCloud(): void {
+    this.showCloud(new Float32Array(0));
   }
 
   showFrame(frame: Frame): void {
@@ -95,6 +101,8 @@ export class View {
     else this.#motion.jumpTo(frame.poses, now);
     this.#cloud.fade(frame.phase !== "idle" && frame.phase !== "approach" && frame.phase !== "policy");
     this.#frame = frame;
+    // An object that was moved since is no longer where the cloud is.
+    if (frame.phase === "idle" && !isSame(this.#seenAt, frame.pose)) this.#clearCloud();
     this.#wake();
   }
 
@@ -139,7 +147,8 @@ export class View {
     this.#renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
     this.#renderer.setSize(width, height, false);
     this.#viewpoint.resize(width, height, this.#covered());
-    this.#wake();
+    // A resized canvas is empty: it is filled before it is shown.
+    this.#draw(performance.now());
   }
 
   // How much of the canvas's foot lies under the dock (CSS pixels).
@@ -151,11 +160,13 @@ export class View {
   #wake(): void {
     if (this.#isAwake) return;
     this.#isAwake = true;
-    requestAnimationFrame((now) => this.#draw(now));
+    requestAnimationFrame((now) => {
+      this.#isAwake = false;
+      this.#draw(now);
+    });
   }
 
   #draw(now: number): void {
-    this.#isAwake = false;
     const isMoving = this.#motion.apply([...this.#robot, this.#thing.group], now);
     const isTurning = this.#viewpoint.update(now);
     this.#sensor?.show(this.#showsSensor, this.#viewpoint.camera.position);
@@ -163,4 +174,8 @@ export class View {
     this.#canvas.dataset["drawn"] = String(this.#robot.length);
     if (isMoving || isTurning) this.#wake();
   }
+}
+
+function isSame(a: PlanarPose | null, b: PlanarPose): boolean {
+  return a !== null && a.x === b.x && a.y === b.y && a.yaw === b.yaw;
 }
