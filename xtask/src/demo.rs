@@ -3,6 +3,7 @@
 use crate::page;
 use crate::place::{self, Place};
 use crate::stamp::timed;
+use crate::tools;
 use anyhow::{Context, Result, bail};
 use std::process::Command;
 
@@ -30,7 +31,10 @@ pub(crate) fn run(place: &Place, options: &Options) -> Result<()> {
 
 /// Page and server side by side: the page's longest step is one thread of the linker.
 pub(crate) fn build(place: &Place) -> Result<()> {
-    let mut cargo = place.cargo(&["build", "-q", "-p", "ngf"]);
+    // What is missing is told before anything that takes minutes.
+    tools::node(place)?;
+    tools::wasm_target(place)?;
+    let mut cargo = place.cargo(&["build", "-p", "ngf"]);
     let mut server = cargo.spawn().context("cannot run cargo")?;
     let page = page::build(place);
     let status = timed("server", || Ok(server.wait()?))?;

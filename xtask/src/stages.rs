@@ -31,6 +31,9 @@ pub(crate) fn check(place: &Place) -> Result<bool> {
 
 /// All of `check`, then what runs in the browser, then the documentation.
 pub(crate) fn test(place: &Place) -> Result<bool> {
+    // What is missing is told before anything that takes minutes.
+    tools::node(place)?;
+    chromium::find(place)?;
     let mut stages = Stages::new();
     quick(place, &mut stages);
     stages.stage("wasm", |stages| stages.count(&mut wasm_tests(place)?));

@@ -25,6 +25,9 @@ pub(crate) fn node(place: &Place) -> Result<()> {
     if !node_suffices(&version) {
         bail!("Node {version} is too old: install Node {NODE}");
     }
+    // Debian packs it apart from Node.
+    read(&mut place.npm(&place.root, &["--version"]))
+        .context("install npm (on Debian: apt-get install npm)")?;
     Ok(())
 }
 
