@@ -1,14 +1,22 @@
 //! An attempt is recorded, travels as JSON, and replays to the same bits.
 
+#![allow(clippy::unwrap_used, reason = "a helper of a test fails by panicking too")]
+
 use geometry::object::Object;
-use rollout::{Attempt, Controller, Episode, Workcell};
+use rollout::{Attempt, Controller, Episode, Failure, Verdict, Workcell};
+
+/// An attempt of the planner.
+fn begin(friction: f32) -> (Workcell, Object, Attempt) {
+    let workcell = Workcell::new().unwrap();
+    let object = Object::built_in("sugar_box").unwrap().with_friction(friction);
+    let planner = Controller::Planner;
+    let attempt = Attempt::begin(&workcell, &object, "sugar_box", None, 0, planner).unwrap();
+    (workcell, object, attempt)
+}
 
 #[test]
 fn an_episode_replays_to_its_own_hash_and_is_refused_elsewhere() {
-    let workcell = Workcell::new().unwrap();
-    let object = Object::built_in("sugar_box").unwrap();
-    let planner = Controller::Planner;
-    let mut attempt = Attempt::begin(&workcell, &object, "sugar_box", None, 0, planner).unwrap();
+    let (workcell, object, mut attempt) = begin(0.8);
     let mut has_touched = false;
     while attempt.verdict().is_none() {
         attempt.tick(&workcell);
@@ -31,22 +39,42 @@ fn an_episode_replays_to_its_own_hash_and_is_refused_elsewhere() {
     let elsewhere = Episode { scene: "another".into(), ..read.clone() };
     let message = refusal(elsewhere, &object);
     assert!(message.contains("another scene") && message.contains(&read.scene), "{message}");
-    let message = refusal(read, &object.with_friction(0.5));
+    let message = refusal(read.clone(), &object.clone().with_friction(0.5));
     assert!(message.contains("another object"), "{message}");
+    let mut short = read;
+    short.targets[3].pop();
+    let message = refusal(short, &object);
+    assert!(message.contains("row 3") && message.contains("45 numbers"), "{message}");
+}
+
+#[test]
+fn a_failed_attempt_replays_to_its_own_verdict() {
+    let (workcell, object, mut attempt) = begin(0.0);
+    let verdict = attempt.run(&workcell);
+    assert!(!verdict.is_lifted(), "without friction nothing is held: {verdict:?}");
+    assert!(attempt.episode().hold_tick.is_some(), "{verdict:?} before the hold");
+    let replayed = attempt.episode().replay(&workcell, &object).unwrap();
+    assert_eq!(replayed, (Some(verdict), attempt.state_hash()));
+
+    // What is out of reach ends before it begins.
+    let far = Some([1.4, 0.0, 0.0]);
+    let planner = Controller::Planner;
+    let attempt = Attempt::begin(&workcell, &object, "sugar_box", far, 0, planner).unwrap();
+    let verdict = attempt.verdict();
+    assert_eq!(verdict, Some(Verdict::Failed { reason: Failure::Unreachable }));
+    let replayed = attempt.episode().replay(&workcell, &object).unwrap();
+    assert_eq!(replayed, (verdict, attempt.state_hash()));
 }
 
 #[test]
 fn a_changed_target_changes_the_end() {
-    let workcell = Workcell::new().unwrap();
-    let object = Object::built_in("sugar_box").unwrap();
-    let planner = Controller::Planner;
-    let mut attempt = Attempt::begin(&workcell, &object, "sugar_box", None, 0, planner).unwrap();
+    let (workcell, object, mut attempt) = begin(0.8);
     for _ in 0..20 {
         attempt.tick(&workcell);
     }
     let mut episode = attempt.episode();
-    let (_, hash) = episode.replay(&workcell, &object).unwrap();
-    assert_eq!(hash, attempt.state_hash());
+    let (verdict, hash) = episode.replay(&workcell, &object).unwrap();
+    assert_eq!((verdict, &hash), (None, &attempt.state_hash()), "it has come to nothing yet");
     episode.targets[10][0] += 1e-6;
     let (_, changed) = episode.replay(&workcell, &object).unwrap();
     assert_ne!(changed, hash);

@@ -16,7 +16,7 @@ const TURN: f32 = 0.0873;
 fn lifts_again(name: &str, wanted: usize) {
     let robot = Robot::standard().unwrap();
     let object = Object::built_in(name).unwrap();
-    let grasp = &rollout::workcell::built_in_grasps(name).unwrap().grasps[0];
+    let grasp = &rollout::workcell::built_in_grasps(name).unwrap().unwrap().grasps[0];
     let yaw = search::easiest_yaw(&robot, &object, grasp).expect("a yaw within reach");
     let mut rng = ChaCha8Rng::seed_from_u64(20);
     let mut lost = Vec::new();

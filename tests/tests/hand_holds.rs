@@ -4,7 +4,7 @@
 
 use geometry::Pose;
 use geometry::object::Object;
-use grasps::{Posture, Robot, search, trial};
+use grasps::{Grasp, Posture, Robot, search, trial};
 use robot::{JointState, JointVector, integrator};
 use scene::config::CONTROL_PERIOD;
 use scene::{Hold, Scene};
@@ -18,21 +18,24 @@ fn follow(scene: &mut Scene, state: &mut JointState, rows: &[JointVector]) {
     }
 }
 
-/// The sugar box in the middle of the workspace, with the first of its grasps.
-fn sugar_box(robot: &Robot) -> (Object, Pose, Posture) {
+/// The grasps of the sugar box.
+fn grasps() -> Vec<Grasp> {
+    rollout::workcell::built_in_grasps("sugar_box").unwrap().unwrap().grasps
+}
+
+/// The sugar box in the middle of the workspace, with one of its grasps.
+fn sugar_box(robot: &Robot, grasp: &Grasp) -> (Object, Pose, Posture) {
     let object = Object::built_in("sugar_box").unwrap();
-    let grasp = rollout::workcell::built_in_grasps("sugar_box").unwrap().grasps.remove(0);
-    let yaw = search::easiest_yaw(robot, &object, &grasp).expect("a yaw within reach");
+    let yaw = search::easiest_yaw(robot, &object, grasp).expect("a yaw within reach");
     let [x, y] = [robot.config.workspace.x, robot.config.workspace.y];
     let pose = robot.config.upright(0.5 * (x[0] + x[1]), 0.5 * (y[0] + y[1]), yaw);
-    let posture = robot.reach(&grasp, &object, &pose).expect("the middle is within reach");
+    let posture = robot.reach(grasp, &object, &pose).expect("the middle is within reach");
     (object, pose, posture)
 }
 
-#[test]
-fn a_held_box_slips_little_at_rest_and_when_shaken() {
-    let robot = Robot::standard().unwrap();
-    let (object, pose, posture) = sugar_box(&robot);
+/// Slip (m) of the box in a grasp at rest, and then while it is shaken.
+fn slips(robot: &Robot, grasp: &Grasp) -> [f32; 2] {
+    let (object, pose, posture) = sugar_box(robot, grasp);
     let (config, tree) = (&robot.config, &robot.tree);
     let mut scene = Scene::new(config, tree, &object, &pose, &posture.open).unwrap();
     let mut state = JointState::at_rest(posture.open);
@@ -51,8 +54,6 @@ fn a_held_box_slips_little_at_rest_and_when_shaken() {
         scene.follow(&top, &top);
         at_rest.observe(&scene);
     }
-    println!("at rest for 2.5 s: slip {:.2} mm", 1e3 * at_rest.slip);
-    assert!(at_rest.slip <= 0.002, "slip {} m at rest, wanted at most 0.002", at_rest.slip);
 
     // The first joint swings by 0.15 rad at 1 Hz about a place beside the first one, so that position
     // and velocity belong together from the start: a sine would begin with a jump to 0.9 rad/s.
@@ -68,16 +69,35 @@ fn a_held_box_slips_little_at_rest_and_when_shaken() {
         scene.follow(&swung(tick), &swung(tick + 1));
         shaken.observe(&scene);
     }
-    println!("shaken for 3 s: slip {:.2} mm", 1e3 * shaken.slip);
-    assert!(shaken.slip <= 0.008, "slip {} m while shaken, wanted at most 0.008", shaken.slip);
     let touching = scene.touching();
     assert!(touching.hand && !touching.table && !touching.arm, "held by {touching:?}");
+    [at_rest.slip, shaken.slip]
+}
+
+/// All grasps of the box: the physics is on trial here, not one of them.
+#[test]
+fn a_held_box_slips_little_at_rest_and_when_shaken() {
+    let robot = Robot::standard().unwrap();
+    let mut slips: Vec<[f32; 2]> = grasps().iter().map(|grasp| slips(&robot, grasp)).collect();
+    for ([at_rest, shaken], grasp) in slips.iter().zip(grasps()) {
+        println!(
+            "kind {}: slip {:.2} mm in 2.5 s at rest, {:.2} mm in 3 s shaken",
+            grasp.kind,
+            1e3 * at_rest,
+            1e3 * shaken
+        );
+    }
+    slips.sort_by(|a, b| a[1].total_cmp(&b[1]));
+    let at_rest = slips.iter().map(|slip| slip[0]).fold(0.0, f32::max);
+    assert!(at_rest <= 0.002, "slip {at_rest} m at rest, wanted at most 0.002");
+    let shaken = slips[slips.len() / 2][1];
+    assert!(shaken <= 0.008, "median slip {shaken} m while shaken, wanted at most 0.008");
 }
 
 #[test]
 fn free_motion_is_tracked_before_contact() {
     let robot = Robot::standard().unwrap();
-    let (object, pose, posture) = sugar_box(&robot);
+    let (object, pose, posture) = sugar_box(&robot, &grasps()[0]);
     let (config, tree) = (&robot.config, &robot.tree);
     let home = config.home();
     let mut scene = Scene::new(config, tree, &object, &pose, &home).unwrap();

@@ -8,6 +8,7 @@ use imitation::dataset::{Dataset, DatasetConfig};
 use imitation::training::{self, TrainedEncoder};
 use policy::ngf::NgfConfig;
 use rollout::{Attempt, Controller, Workcell};
+use std::path::Path;
 
 #[test]
 fn a_tiny_model_is_made_and_acts() {
@@ -43,6 +44,17 @@ fn a_tiny_model_is_made_and_acts() {
     .unwrap();
     assert!(losses.len() == 1 && losses[0].is_finite(), "{losses:?}");
     training::write_model(&out, &encoder, &params, &steps, &taught).unwrap();
+
+    // A run that is stopped and goes on ends in the same weights.
+    let stopped = folder.path().join("stopped");
+    let longer = DaggerConfig { steps: 100, span: 20, ..steps.clone() };
+    let mut train = |stop: bool, out: &Path| {
+        let mut progress = |_, _, _, _: &_| Ok(!stop);
+        dagger::train(&taught, limits, &longer, None, out, &mut progress).unwrap().values().unwrap()
+    };
+    train(true, &stopped);
+    let resumed = train(false, &stopped);
+    assert!(resumed == train(false, &folder.path().join("whole")), "a resumed run differs");
 
     // Training goes on from a model where it stopped, but for the rounding of its weights.
     let weights = std::fs::read(out.join("weights.safetensors")).unwrap();
