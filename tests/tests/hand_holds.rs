@@ -74,11 +74,12 @@ fn slips(robot: &Robot, grasp: &Grasp) -> [f32; 2] {
     [at_rest.slip, shaken.slip]
 }
 
-/// All grasps of the box: the physics is on trial here, not one of them.
+/// All grasps of the box: the physics is on trial here, not one of them. A grasp may be poor, but where
+/// friction creeps or contacts jump, all are.
 #[test]
 fn a_held_box_slips_little_at_rest_and_when_shaken() {
     let robot = Robot::standard().unwrap();
-    let mut slips: Vec<[f32; 2]> = grasps().iter().map(|grasp| slips(&robot, grasp)).collect();
+    let slips: Vec<[f32; 2]> = grasps().iter().map(|grasp| slips(&robot, grasp)).collect();
     for ([at_rest, shaken], grasp) in slips.iter().zip(grasps()) {
         println!(
             "kind {}: slip {:.2} mm in 2.5 s at rest, {:.2} mm in 3 s shaken",
@@ -87,11 +88,8 @@ fn a_held_box_slips_little_at_rest_and_when_shaken() {
             1e3 * shaken
         );
     }
-    slips.sort_by(|a, b| a[1].total_cmp(&b[1]));
-    let at_rest = slips.iter().map(|slip| slip[0]).fold(0.0, f32::max);
-    assert!(at_rest <= 0.002, "slip {at_rest} m at rest, wanted at most 0.002");
-    let shaken = slips[slips.len() / 2][1];
-    assert!(shaken <= 0.008, "median slip {shaken} m while shaken, wanted at most 0.008");
+    let good = slips.iter().filter(|slip| slip[0] <= 0.002 && slip[1] <= 0.008).count();
+    assert!(4 * good >= 3 * slips.len(), "only {good} of {} hold: {slips:?}", slips.len());
 }
 
 #[test]

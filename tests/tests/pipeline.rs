@@ -32,7 +32,7 @@ fn a_tiny_model_is_made_and_acts() {
     autoencoder::train(&dataset, &steps, &out, &mut |_, _, _| ()).unwrap();
     let encoder = TrainedEncoder::load(&out).unwrap();
     let (taught, _) = training::lessons(&dataset, &encoder).unwrap();
-    assert_eq!(taught.len(), 2);
+    assert_eq!(taught.len(), 2 * dataset.config.turns, "each pose at each bearing");
     let steps =
         DaggerConfig { steps: 50, batch: 8, ngf: NgfConfig::tiny(), ..DaggerConfig::standard() };
     let mut losses = Vec::new();
@@ -48,7 +48,7 @@ fn a_tiny_model_is_made_and_acts() {
     // A run that is stopped and goes on ends in the same weights.
     let stopped = folder.path().join("stopped");
     let longer = DaggerConfig { steps: 100, span: 20, ..steps.clone() };
-    let mut train = |stop: bool, out: &Path| {
+    let train = |stop: bool, out: &Path| {
         let mut progress = |_, _, _, _: &_| Ok(!stop);
         dagger::train(&taught, limits, &longer, None, out, &mut progress).unwrap().values().unwrap()
     };

@@ -15,7 +15,7 @@ use scene::config::CONTROL_PERIOD;
 /// A motion into a grasp: from above the object through `touch` to `squeeze`, then a hold.
 #[derive(Clone, Debug)]
 pub struct Demonstration {
-    /// States, a control period apart; the first one has nearly no speed.
+    /// States, a control period apart; the first one has little speed.
     pub states: Vec<JointState>,
     /// `accelerations[i]` leads from `states[i]` to `states[i + 1]` (Eq. 6, 7).
     pub accelerations: Vec<JointVector>,
@@ -40,6 +40,8 @@ pub struct TrajectoryConfig {
     pub hold_rows: usize,
     /// Joint speed (rad/s, norm) below which the far end is trimmed.
     pub rest_speed: f64,
+    /// Joint speed (rad/s, norm) up to which a motion that does not come to rest counts as trembling.
+    pub tremble_speed: f64,
     /// Further attempts of a motion that gets stuck, each with another posture to be drawn to.
     pub restarts: usize,
 }
@@ -54,6 +56,7 @@ impl TrajectoryConfig {
             closing_rows: 10,
             hold_rows: 15,
             rest_speed: 0.1,
+            tremble_speed: 0.3,
             restarts: 3,
         }
     }
@@ -195,7 +198,22 @@ fn leave(
             return Ok(plan);
         }
     }
-    Err(Flaw::Planner)
+    if is_clear { cut_where_slowest(plan, config) } else { Err(Flaw::Planner) }
+}
+
+/// Near a joint limit a fabric can tremble for ever: its motion ends where it is slowest in the last
+/// second.
+fn cut_where_slowest(mut plan: Plan, config: &TrajectoryConfig) -> Result<Plan, Flaw> {
+    let second = (1.0 / CONTROL_PERIOD) as usize;
+    let speed = |i: &usize| plan.states[*i].qd.norm();
+    let tail = plan.states.len().saturating_sub(second)..plan.states.len();
+    let slowest = tail.min_by(|a, b| speed(a).total_cmp(&speed(b))).ok_or(Flaw::Planner)?;
+    if speed(&slowest) > config.tremble_speed {
+        return Err(Flaw::Planner);
+    }
+    plan.states.truncate(slowest + 1);
+    plan.accelerations.truncate(slowest);
+    Ok(plan)
 }
 
 /// Reverses a motion: q_i = q_f[n-i], q̇_i = -q̇_f[n-i], q̈_i = q̈_f[n-i-1]; slow rows at what becomes
