@@ -34,6 +34,9 @@ const misplaced = () => {
   const boxes = controls.map((control) => control.getBoundingClientRect());
   const screen = { left: 0, right: innerWidth, top: 0 };
   const found = [];
+  // Narrow, the dock is as wide as the window.
+  const dock = document.querySelector(".dock").getBoundingClientRect();
+  if (innerWidth < 800 && dock.width < innerWidth - 1) found.push(`the dock is ${dock.width} pixels wide`);
   controls.forEach((control, i) => {
     const home = control.closest(".dock")?.getBoundingClientRect() ?? screen;
     if (!isIn(boxes[i], screen) || !isIn(boxes[i], home)) found.push(`${named(control)} is cut off`);
@@ -54,7 +57,7 @@ const misplaced = () => {
 test("every control has its place at every width", async () => {
   const { page } = await visit(served);
   await untilReady(page);
-  for (const width of [320, 390, 640, 700, 768, 800, 900, 960, 1440]) {
+  for (const width of [320, 390, 640, 700, 768, 800, 900, 960, 1060, 1440]) {
     await page.setViewportSize({ width, height: 800 });
     assert.deepEqual(await page.evaluate(misplaced), [], `${width} pixels wide`);
   }
