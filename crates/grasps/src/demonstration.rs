@@ -34,7 +34,7 @@ pub struct TrajectoryConfig {
     pub least_distance: f64,
     /// Deepest penetration (m) allowed before `touch`.
     pub penetration: f32,
-    /// Rows from `touch` to `squeeze`: 0.3 s.
+    /// Rows from `touch` to `squeeze`, a third of a second.
     pub closing_rows: usize,
     /// Rows of the hold: 0.5 s.
     pub hold_rows: usize,

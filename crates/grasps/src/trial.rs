@@ -40,7 +40,7 @@ pub fn straight(from: &JointVector, to: &JointVector, count: usize) -> Vec<Joint
     rows
 }
 
-/// Tries a grasp in the full scene: fingers close in 0.5 s and squeeze in 0.3 s, hold for 0.3 s, the
+/// Tries a grasp in the full scene: fingers close in 16 rows and squeeze in 10, hold for 0.3 s, the
 /// arm lifts by fabric and holds. `hold_seconds` may be shorter than the protocol's.
 pub fn try_grasp(
     config: &SceneConfig,

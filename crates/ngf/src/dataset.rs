@@ -77,7 +77,7 @@ pub(crate) fn run(options: &Options) -> Result<()> {
     rayon::ThreadPoolBuilder::new()
         .num_threads(options.threads)
         .build_global()
-        .context("threads")?;
+        .context("cannot start the threads; try fewer with --threads")?;
     let robot = Robot::standard()?;
     let dataset = Dataset::create(&options.out, config)?;
     let shown = Mutex::new((String::new(), bar(0)));

@@ -11,7 +11,7 @@ pub enum SceneError {
     Config(#[from] toml::de::Error),
     /// An object's collision parts span no volume.
     #[error(
-        "the object {name} has no solid part: part {part} of its collision shapes is flat or empty"
+        "part {part} of the collision shapes of {name} is flat or empty; give it a mesh with volume"
     )]
     FlatPart {
         /// Object name.
