@@ -5,7 +5,7 @@
 use geometry::object::Object;
 use grasps::Robot;
 use grasps::demonstration::{self, TrajectoryConfig};
-use imitation::dataset::{spread_pose, turned};
+use imitation::poses::{spread_pose, turned};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use std::collections::BTreeMap;

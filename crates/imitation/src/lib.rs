@@ -9,6 +9,7 @@ pub mod dataset;
 pub mod evaluation;
 pub mod expert;
 pub mod nn;
+pub mod poses;
 pub mod shards;
 pub mod store;
 pub mod training;
