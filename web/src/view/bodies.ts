@@ -72,7 +72,8 @@ function shadowed(mesh: Mesh<BufferGeometry, MeshStandardMaterial>) {
   return mesh;
 }
 
-function clear(group: Group): void {
+// Takes everything out of a group and frees what it holds on the graphics card.
+export function clear(group: Group): void {
   for (const child of group.children as (Object3D & { geometry?: BufferGeometry })[]) child.geometry?.dispose();
   group.clear();
 }

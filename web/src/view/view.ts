@@ -2,7 +2,7 @@
 
 import { type Group, PCFShadowMap, Scene, WebGLRenderer } from "three";
 import type { Frame, ObjectLoaded, PlanarPose, Ready } from "../protocol";
-import { robotBodies, Thing } from "./bodies";
+import { clear, robotBodies, Thing } from "./bodies";
 import { type Preset, Viewpoint } from "./camera";
 import { Cloud, Sensor } from "./cloud";
 import { type Colors, onColorsChange, readColors } from "./colors";
@@ -62,9 +62,9 @@ export class View {
   }
 
   show(ready: Ready): void {
-    this.#scene.remove(...this.#robot);
-    if (this.#studio) this.#scene.remove(this.#studio.group);
-    if (this.#sensor) this.#scene.remove(this.#sensor.group);
+    const before = [...this.#robot, this.#studio?.group, this.#sensor?.group].filter((group) => group !== undefined);
+    this.#scene.remove(...before);
+    before.forEach(clear);
     const isFirst = this.#studio === null;
 
     this.#robot = robotBodies(ready.links);
