@@ -5,6 +5,7 @@
 use geometry::object::Object;
 use grasps::Robot;
 use grasps::demonstration::{self, TrajectoryConfig};
+use grasps::trial::HOLD_SECONDS;
 use imitation::poses::{spread_pose, turned};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -14,8 +15,6 @@ const POSES: usize = 5;
 const DEMONSTRATIONS: usize = 4;
 /// Targets drawn at a pose at most.
 const TARGETS: usize = 12;
-/// Seconds of the hold: what slips at all slips within the first half second.
-const HOLD: f64 = 0.5;
 
 /// Demonstrations of the nearest grasp at the first poses of the dataset, each replayed: none is left
 /// out for how its replay ended. Poses out of reach have none and are counted apart.
@@ -50,7 +49,8 @@ fn replay(name: &str) {
                 Err(flaw) => *flaws.entry(flaw).or_insert(0) += 1,
                 Ok(motion) => {
                     found += 1;
-                    let ends = demonstration::replays(&robot, &object, &place, &motion, HOLD);
+                    let ends =
+                        demonstration::replays(&robot, &object, &place, &motion, HOLD_SECONDS);
                     here += usize::from(ends.unwrap());
                 }
             }
@@ -92,7 +92,7 @@ fn demonstrations_turn_with_the_object() {
             demonstration::demonstrate(&robot, &object, &here, &posture, &target, &config).unwrap();
         let mut motion = found.clone();
         motion.states.iter_mut().for_each(|state| state.q[0] += f64::from(turn));
-        let ends = demonstration::replays(&robot, &object, &there, &motion, HOLD).unwrap();
+        let ends = demonstration::replays(&robot, &object, &there, &motion, HOLD_SECONDS).unwrap();
         lifted += usize::from(ends);
     }
     assert_eq!(lifted, 3);

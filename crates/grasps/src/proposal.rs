@@ -8,6 +8,7 @@ use geometry::solid::Solid;
 use rand::{Rng, RngExt};
 use robot::solids::RobotSolids;
 use robot::{ARM, DOF, HAND, Isometry, Tree, Vector, rotation};
+use scene::SceneConfig;
 
 /// Middle between fingertips and thumb, palm frame (m).
 pub const GRASP_CENTER: [f64; 3] = [0.085, 0.0, 0.012];
@@ -41,9 +42,9 @@ pub struct ProposalConfig {
 
 impl ProposalConfig {
     /// Our values; the paper takes its proposals from a published data set.
-    pub fn standard(open: [f64; HAND]) -> Self {
+    pub fn standard(scene: &SceneConfig) -> Self {
         Self {
-            open,
+            open: scene.robot.open,
             center: GRASP_CENTER,
             spread: 0.5,
             tilt: 1.5,
@@ -58,7 +59,12 @@ impl ProposalConfig {
                 step: 0.01,
                 touch_gap: 0.0005,
             },
-            squeeze: SqueezeConfig { least_force: 1.0, friction: 0.7, stiffness: 3.0, torque: 0.7 },
+            squeeze: SqueezeConfig {
+                least_force: 1.0,
+                friction: 0.7,
+                stiffness: f64::from(scene.motors.hand_stiffness),
+                torque: 0.7,
+            },
         }
     }
 }

@@ -66,7 +66,7 @@ impl SearchConfig {
             object_shift: 0.015,
             object_turn: 0.2,
             kinds: 7,
-            proposal: ProposalConfig::standard(robot.config.robot.open),
+            proposal: ProposalConfig::standard(&robot.config),
         }
     }
 }
@@ -236,16 +236,33 @@ impl Search<'_> {
 }
 
 /// Object poses at which the reach of a kind is counted.
-const REACH_POSES: usize = 200;
+pub const REACH_POSES: usize = 200;
+
+/// The object poses at which reach is counted.
+fn reach_poses(robot: &Robot) -> Vec<Pose> {
+    // A generator of its own: attempts are numbered by their seeds, and none of them is looked at here.
+    let mut rng = ChaCha8Rng::from_seed(*b"where a kind of grasp is in reac");
+    (0..REACH_POSES)
+        .map(|_| random_pose(robot, &mut rng))
+        .map(|[x, y, yaw]| robot.config.upright(x, y, yaw))
+        .collect()
+}
+
+/// For each kind of a set the number of object poses, of [`REACH_POSES`], at which it is the first one
+/// within reach.
+pub fn poses_served(robot: &Robot, object: &Object, grasps: &[Grasp]) -> Vec<usize> {
+    let mut served = vec![0; grasps.iter().map(|grasp| grasp.kind + 1).max().unwrap_or(0)];
+    for pose in reach_poses(robot) {
+        if let Some((first, _)) = robot.options(grasps, object, &pose).first() {
+            served[grasps[*first].kind] += 1;
+        }
+    }
+    served
+}
 
 /// Whether each grasp is in reach at each of a number of object poses.
 fn reach(robot: &Robot, object: &Object, found: &[Scored]) -> Vec<Vec<bool>> {
-    // A generator of its own: attempts are numbered by their seeds, and none of them is looked at here.
-    let mut rng = ChaCha8Rng::from_seed(*b"where a kind of grasp is in reac");
-    let poses: Vec<Pose> = (0..REACH_POSES)
-        .map(|_| random_pose(robot, &mut rng))
-        .map(|[x, y, yaw]| robot.config.upright(x, y, yaw))
-        .collect();
+    let poses = reach_poses(robot);
     let within = |grasp: &Grasp, pose| robot.reach(grasp, object, pose).is_some();
     let row = |found: &Scored| poses.iter().map(|pose| within(&found.grasp, pose)).collect();
     found.iter().map(row).collect()
@@ -288,12 +305,9 @@ pub fn lifts(
     let [dx, dy, dyaw] = beside.unwrap_or_default();
     let pose = robot.config.upright(x + dx, y + dy, yaw + dyaw);
     let (config, tree) = (&robot.config, &robot.tree);
-    let outcome = trial::try_grasp(config, tree, object, &pose, &posture, HOLD_SECONDS)?;
+    let outcome = trial::try_grasp(config, tree, object, &pose, &posture, trial::HOLD_SECONDS)?;
     Ok(matches!(outcome, TrialOutcome::Lifted { .. }))
 }
-
-/// Shorter than the protocol's hold: what slips at all slips within the first half second.
-const HOLD_SECONDS: f64 = 0.5;
 
 /// Draws a pose of the object uniformly over the workspace.
 pub fn random_pose(robot: &Robot, rng: &mut impl Rng) -> [f32; 3] {

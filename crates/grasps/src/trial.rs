@@ -40,6 +40,10 @@ pub fn straight(from: &JointVector, to: &JointVector, count: usize) -> Vec<Joint
     rows
 }
 
+/// Hold (s) of a search's trials and of replays, shorter than the protocol's: what slips at all slips
+/// within the first half second.
+pub const HOLD_SECONDS: f64 = 0.5;
+
 /// Tries a grasp in the full scene: fingers close in 16 rows and squeeze in 10, hold for 0.3 s, the
 /// arm lifts by fabric and holds. `hold_seconds` may be shorter than the protocol's.
 pub fn try_grasp(

@@ -2,7 +2,7 @@
 
 use anyhow::{Context, Result, bail};
 use grasps::Robot;
-use grasps::search::{SearchConfig, search};
+use grasps::search::{self, SearchConfig};
 use imitation::dataset::{Dataset, DatasetConfig, built_in};
 use imitation::store;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -49,7 +49,7 @@ pub(crate) fn grasps(options: &GraspOptions) -> Result<()> {
     let object = built_in(&options.object)?;
     let bar = bar(100);
     let config = SearchConfig::paper(&robot);
-    let (set, reliable) = search(&robot, &object, &config, options.seed, |share| {
+    let (set, reliable) = search::search(&robot, &object, &config, options.seed, |share| {
         bar.set_position((share * 100.0) as u64);
     })?;
     bar.finish_and_clear();
@@ -63,6 +63,13 @@ pub(crate) fn grasps(options: &GraspOptions) -> Result<()> {
         set.reliable,
         set.grasps.len()
     );
+    let served = search::poses_served(&robot, &object, &set.grasps);
+    for (kind, poses) in served.iter().enumerate() {
+        println!(
+            "  kind {kind}: the first within reach at {poses} of {} poses",
+            search::REACH_POSES
+        );
+    }
     if let Some(path) = &options.reliable {
         store::write(path, &serde_json::to_vec_pretty(&reliable)?)?;
     }
