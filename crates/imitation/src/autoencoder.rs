@@ -1,6 +1,6 @@
 //! Training the autoencoder: Chamfer distance plus the squared norm of z (paper §III-D).
 
-use crate::dataset::Dataset;
+use crate::dataset::{Dataset, flat};
 use crate::nn::adam::{AdamW, schedule};
 use crate::nn::chamfer::Chamfer;
 use crate::nn::{Params, autoencoder as twin};
@@ -52,7 +52,8 @@ pub fn train(
     out: &Path,
     progress: &mut dyn FnMut(u64, u64, f32),
 ) -> Result<()> {
-    let clouds = dataset.encoder_clouds()?;
+    let clouds: Vec<Vec<f32>> =
+        dataset.encoder_clouds()?.iter().map(|cloud| to_front(cloud).1).collect();
     if clouds.is_empty() {
         bail!("the dataset has no clouds for the encoder");
     }
@@ -104,7 +105,13 @@ fn loss(params: &Params, clouds: &[&[f32]], config: &AutoencoderConfig) -> Resul
     Ok(Gradient { loss: chamfer.to_scalar::<f32>()?, ..gradient })
 }
 
-/// z of clouds, not standardised.
+/// A cloud turned to the front, and its bearing (rad).
+pub fn to_front(cloud: &[f32]) -> (f64, Vec<f32>) {
+    let (bearing, front) = policy::encoding::to_front(&twin::points(cloud));
+    (bearing, flat(&front))
+}
+
+/// z of clouds that have been turned to the front, not standardised.
 pub fn encode_all(params: &Params, clouds: &[Vec<f32>]) -> Result<Vec<Vec<f32>>> {
     let mut latents = Vec::with_capacity(clouds.len());
     for part in clouds.chunks(32) {

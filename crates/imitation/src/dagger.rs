@@ -8,6 +8,7 @@ use crate::nn::ngf::{self, Active, Ngf};
 use crate::shards::{Gradient, differentiate};
 use anyhow::{Result, bail};
 use candle_core::{Device, Tensor};
+use policy::Encoding;
 use policy::head::TRIANGLE;
 use policy::ngf::NgfConfig;
 use rand::{RngExt, SeedableRng};
@@ -78,7 +79,7 @@ impl DaggerConfig {
             metric_weight: 10.0,
             start_share: 0.25,
             gains: Gains { position: 225.0, velocity: 30.0 },
-            lead: 0.12,
+            lead: 0.2,
             span: 1000,
             ngf: NgfConfig::paper(),
             seed: 0,
@@ -100,12 +101,14 @@ impl DaggerConfig {
 /// Steps of a roll-out that begins where an attempt does.
 const START_HORIZON: usize = 120;
 
-/// What the policy learns from: the demonstrations of one object pose and z of its clouds.
+/// What the policy learns from: the demonstrations of one object pose, and its clouds, encoded.
 pub struct Lesson {
+    /// Number of the object pose: turned about the robot it is the same one.
+    pub pose: usize,
     /// Demonstrations.
     pub demonstrations: Demonstrations,
-    /// Whitened z of each noisy cloud of the pose.
-    pub latents: Vec<Vec<f32>>,
+    /// Each noisy cloud of the pose.
+    pub encodings: Vec<Encoding>,
     /// Whether an attempt may begin at a start of this lesson.
     pub has_starts: bool,
 }
@@ -114,7 +117,7 @@ pub struct Lesson {
 #[derive(Clone, Copy)]
 struct Visit {
     lesson: usize,
-    latent: usize,
+    encoding: usize,
     state: JointState,
     left: usize,
 }
@@ -200,15 +203,16 @@ struct Class<'a> {
 impl<'a> Class<'a> {
     fn new(lessons: &'a [Lesson]) -> Self {
         let is_full = |lesson: &Lesson| {
-            lesson.demonstrations.trajectories() > 0 && !lesson.latents.is_empty()
+            lesson.demonstrations.trajectories() > 0 && !lesson.encodings.is_empty()
         };
         let taught: Vec<usize> = (0..lessons.len()).filter(|&i| is_full(&lessons[i])).collect();
         let distance = |a: usize, b: usize| -> f32 {
-            let pairs = lessons[a].latents[0].iter().zip(&lessons[b].latents[0]);
+            let pairs = lessons[a].encodings[0].z.iter().zip(&lessons[b].encodings[0].z);
             pairs.map(|(a, b)| (a - b) * (a - b)).sum()
         };
         let nearest = |&i: &usize| {
-            let others = taught.iter().copied().filter(|&j| j != i && lessons[j].has_starts);
+            let is_other = |&j: &usize| lessons[j].pose != lessons[i].pose && lessons[j].has_starts;
+            let others = taught.iter().copied().filter(is_other);
             others.min_by(|&a, &b| distance(i, a).total_cmp(&distance(i, b))).unwrap_or(i)
         };
         let neighbors = taught.iter().map(nearest).collect();
@@ -230,12 +234,19 @@ impl<'a> Class<'a> {
         let length = |full: usize| 1 + (grown * (full.max(1) - 1) as f64) as usize;
         let place = rng.random_range(0..self.taught.len());
         let lesson = self.taught[place];
-        let latent = rng.random_range(0..self.lessons[lesson].latents.len());
+        let encoding = rng.random_range(0..self.lessons[lesson].encodings.len());
         if rng.random::<f64>() < grown * config.start_share {
-            let neighbor = &self.lessons[self.neighbors[place]].demonstrations;
-            let (first, _) = neighbor.span(rng.random_range(0..neighbor.trajectories()));
-            let state = JointState::at_rest(neighbor.state(first).q);
-            let visit = Visit { lesson, latent, state, left: length(START_HORIZON) };
+            let neighbor = &self.lessons[self.neighbors[place]];
+            let starts = &neighbor.demonstrations;
+            let (first, _) = starts.span(rng.random_range(0..starts.trajectories()));
+            let front = neighbor.encodings[0].in_front(&starts.state(first).q);
+            let q = self.lessons[lesson].encodings[encoding].at_bearing(&front);
+            let visit = Visit {
+                lesson,
+                encoding,
+                state: JointState::at_rest(q),
+                left: length(START_HORIZON),
+            };
             // A neighbour that is grasped in another way is no place to begin from.
             if is_near(&visit, self.lessons) {
                 return visit;
@@ -248,7 +259,7 @@ impl<'a> Class<'a> {
         let position = |joint: usize| if joint < ARM { arm } else { hand };
         state.q += JointVector::from_fn(|i, _| rng.random_range(-position(i)..=position(i)));
         state.qd += JointVector::from_fn(|_, _| rng.random_range(-velocity..=velocity));
-        Visit { lesson, latent, state, left: length(config.horizon) }
+        Visit { lesson, encoding, state, left: length(config.horizon) }
     }
 }
 
@@ -270,9 +281,12 @@ fn loss(
     active: Active,
     part: &[(Visit, std::sync::Mutex<JointVector>)],
 ) -> Result<Gradient> {
-    let states: Vec<JointState> = part.iter().map(|(visit, _)| visit.state).collect();
-    let z: Vec<&[f32]> =
-        part.iter().map(|(v, _)| lessons[v.lesson].latents[v.latent].as_slice()).collect();
+    let objects: Vec<&Encoding> =
+        part.iter().map(|(visit, _)| &lessons[visit.lesson].encodings[visit.encoding]).collect();
+    let z: Vec<&[f32]> = objects.iter().map(|object| object.z.as_slice()).collect();
+    let in_front =
+        |((visit, _), object): (&(Visit, _), &&Encoding)| object.state_in_front(&visit.state);
+    let states: Vec<JointState> = part.iter().zip(&objects).map(in_front).collect();
     let outputs = network.outputs(params, &states, &z, active)?;
     let made = Ngf::resolve(&outputs, &states)?;
     let rows = config.gains.lag_rows(CONTROL_PERIOD).max(1);
@@ -302,4 +316,63 @@ fn loss(
     }
     let gradient = Gradient::of(&total, params)?;
     Ok(Gradient { loss: loss.to_scalar::<f32>()?, ..gradient })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Pose `pose` at bearing `turn`: one demonstration, from q = 0.1 pose, and two clouds.
+    fn lesson(pose: usize, turn: f32) -> Lesson {
+        let rows: Vec<f32> = (0..3)
+            .flat_map(|row| {
+                let q = 0.1 * pose as f32 + 0.02 * row as f32;
+                (0..2 * DOF).map(move |i| if i < DOF { q } else { 0.0 })
+            })
+            .collect();
+        let cloud = |off: f64| Encoding {
+            bearing: f64::from(turn) + off,
+            z: vec![pose as f32 + off as f32; policy::LATENT],
+        };
+        Lesson {
+            pose,
+            demonstrations: Demonstrations::new(rows, vec![0, 3]).turned(turn),
+            encodings: vec![cloud(0.01), cloud(-0.02)],
+            has_starts: turn == 0.0,
+        }
+    }
+
+    #[test]
+    fn an_attempt_begins_at_the_start_of_another_pose_turned_to_the_bearing_that_is_seen() {
+        let lessons: Vec<Lesson> = (0..6).map(|k| lesson(k / 2, [0.0, 0.7][k % 2])).collect();
+        let class = Class::new(&lessons);
+        let config = DaggerConfig { start_share: 1.0, ..DaggerConfig::standard() };
+        let mut rng = ChaCha8Rng::seed_from_u64(1);
+        for _ in 0..40 {
+            let visit = class.draw(&config, 1.0, &mut rng);
+            let own = &lessons[visit.lesson];
+            let neighbor = &lessons[class.neighbors[visit.lesson]];
+            assert!(neighbor.pose.abs_diff(own.pose) == 1 && neighbor.has_starts);
+            let seen = own.encodings[visit.encoding].bearing;
+            let wanted = 0.1 * neighbor.pose as f64 + seen - neighbor.encodings[0].bearing;
+            assert!((visit.state.q[0] - wanted).abs() < 1e-6, "{}", visit.state.q[0]);
+            assert!((visit.state.q[1] - 0.1 * neighbor.pose as f64).abs() < 1e-6);
+            assert_eq!(visit.state.qd.norm(), 0.0);
+        }
+    }
+
+    #[test]
+    fn drawn_states_stay_within_the_noise() {
+        let lessons = [lesson(0, 0.0)];
+        let class = Class::new(&lessons);
+        let config = DaggerConfig::standard();
+        let mut rng = ChaCha8Rng::seed_from_u64(2);
+        for _ in 0..40 {
+            let visit = class.draw(&config, 0.0, &mut rng);
+            let (nearest, _) = lessons[0].demonstrations.nearest(&visit.state.q);
+            let off = visit.state.q - lessons[0].demonstrations.state(nearest).q;
+            assert!(off.amax() <= 0.12 + 0.04 && visit.state.qd.amax() <= 0.3);
+            assert_eq!(visit.left, 1, "roll-outs begin with one step");
+        }
+    }
 }

@@ -3,12 +3,13 @@
 //! Every file depends on the configuration and the seed alone and is written atomically, so that a
 //! killed run resumes by making what is missing.
 
-use crate::poses::{draw_turn, spread_pose, turned};
+use crate::poses::{common_target, draw_turn, spread_pose, turned};
 use crate::store;
 use anyhow::{Context, Result, bail};
 use geometry::object::Object;
 use grasps::demonstration::{self, Demonstration, TrajectoryConfig};
 use grasps::search::{GraspSet, SearchConfig, search};
+use grasps::trial::HOLD_SECONDS;
 use grasps::{Posture, Robot};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -257,14 +258,8 @@ impl Dataset {
             record.counts.insert("no grasp in reach".into(), 1);
         }
         for (_, posture) in options {
-            let kept = self.try_posture(
-                robot,
-                object,
-                &world_from_object,
-                &posture,
-                &mut rng,
-                &mut record,
-            )?;
+            let kept =
+                self.try_posture(robot, name, object, &world_from_object, &posture, &mut record)?;
             if kept > 0 {
                 break;
             }
@@ -277,10 +272,10 @@ impl Dataset {
     fn try_posture(
         &self,
         robot: &Robot,
+        name: &str,
         object: &Object,
         world_from_object: &geometry::Pose,
         posture: &Posture,
-        rng: &mut ChaCha8Rng,
         record: &mut PoseRecord,
     ) -> Result<usize> {
         let palm = robot.tree.kinematics(&posture.touch).palm();
@@ -290,7 +285,8 @@ impl Dataset {
             if kept == self.config.trajectories || (kept == 0 && attempt == HOPELESS) {
                 break;
             }
-            let target = demonstration::draw_target(robot, object, world_from_object, &palm, rng);
+            let mut rng = self.rng("target", name, attempt);
+            let target = common_target(robot, object, record.pose, &palm, &mut rng);
             let found = demonstration::demonstrate(
                 robot,
                 object,
@@ -302,7 +298,13 @@ impl Dataset {
             let what = match found {
                 Err(flaw) => format!("{flaw:?}"),
                 Ok(found) => {
-                    if demonstration::replays(robot, object, world_from_object, &found, 0.5)? {
+                    if demonstration::replays(
+                        robot,
+                        object,
+                        world_from_object,
+                        &found,
+                        HOLD_SECONDS,
+                    )? {
                         record.push(&found);
                         kept += 1;
                         "lifted".into()

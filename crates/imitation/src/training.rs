@@ -1,16 +1,16 @@
 //! From dataset to model: encoder, lessons, policy, and the files that are shipped.
 
-use crate::autoencoder::encode_all;
+use crate::autoencoder::{encode_all, to_front};
 use crate::dagger::{DaggerConfig, Lesson};
 use crate::dataset::Dataset;
 use crate::expert::Demonstrations;
 use crate::nn::{Params, autoencoder as twin};
 use crate::store;
 use anyhow::{Context, Result};
-use policy::Whitening;
 use policy::encoder::LATENT;
 use policy::model::ModelConfig;
 use policy::weights::Tensors;
+use policy::{Encoding, Whitening};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use robot::{DOF, JointState, JointVector, Tree, integrator};
@@ -57,17 +57,21 @@ impl TrainedEncoder {
         Ok(Self { params, whitening: Whitening::load(&Tensors::parse(weights)?)? })
     }
 
-    /// Whitened z of clouds.
-    pub fn encode(&self, clouds: &[Vec<f32>]) -> Result<Vec<Vec<f32>>> {
-        let latents = encode_all(&self.params, clouds)?;
-        Ok(latents.iter().map(|z| self.whitening.apply(z)).collect())
+    /// Encodes clouds (base frame).
+    pub fn encode(&self, clouds: &[Vec<f32>]) -> Result<Vec<Encoding>> {
+        let (bearings, front): (Vec<f64>, Vec<Vec<f32>>) =
+            clouds.iter().map(|cloud| to_front(cloud)).unzip();
+        let latents = encode_all(&self.params, &front)?;
+        let encoding =
+            |(bearing, z): (f64, &Vec<f32>)| Encoding { bearing, z: self.whitening.apply(z) };
+        Ok(bearings.into_iter().zip(&latents).map(encoding).collect())
     }
 }
 
 /// The lessons of a dataset: those to learn from, and those held out.
 pub fn lessons(dataset: &Dataset, encoder: &TrainedEncoder) -> Result<(Vec<Lesson>, Vec<Lesson>)> {
     let (mut taught, mut held_out) = (Vec::new(), Vec::new());
-    for name in &dataset.config.objects {
+    for (object, name) in dataset.config.objects.iter().enumerate() {
         for index in 0..dataset.config.poses {
             // A dataset in the making is learned from as far as it goes.
             if !dataset.has_pose(name, index) {
@@ -77,13 +81,15 @@ pub fn lessons(dataset: &Dataset, encoder: &TrainedEncoder) -> Result<(Vec<Lesso
             if record.offsets.len() < 2 {
                 continue;
             }
-            let latents = encoder.encode(&record.clouds)?;
+            let encodings = encoder.encode(&record.clouds)?;
             let demonstrations = Demonstrations::new(record.states, record.offsets);
-            let seen = latents.chunks_exact(latents.len() / record.turns.len().max(1));
-            for (turn, latents) in record.turns.iter().zip(seen) {
+            let seen = encodings.chunks_exact(encodings.len() / record.turns.len().max(1));
+            for (turn, encodings) in record.turns.iter().zip(seen) {
                 let demonstrations = demonstrations.turned(*turn);
                 let has_starts = *turn == 0.0;
-                let lesson = Lesson { demonstrations, latents: latents.to_vec(), has_starts };
+                let pose = object * dataset.config.poses + index;
+                let lesson =
+                    Lesson { pose, demonstrations, encodings: encodings.to_vec(), has_starts };
                 if is_held_out(index) { held_out.push(lesson) } else { taught.push(lesson) }
             }
         }
@@ -91,13 +97,14 @@ pub fn lessons(dataset: &Dataset, encoder: &TrainedEncoder) -> Result<(Vec<Lesso
     Ok((taught, held_out))
 }
 
-/// The mean configuration (rad) of all demonstrations.
+/// The mean configuration (rad) of all demonstrations, with the object in front.
 pub fn mean_configuration(lessons: &[Lesson]) -> [f64; DOF] {
     let mut sum = JointVector::zeros();
     let mut rows = 0;
-    for Lesson { demonstrations, .. } in lessons {
-        sum +=
-            (0..demonstrations.rows()).map(|row| demonstrations.state(row).q).sum::<JointVector>();
+    for Lesson { demonstrations, encodings, .. } in lessons {
+        sum += (0..demonstrations.rows())
+            .map(|row| encodings[0].in_front(&demonstrations.state(row).q))
+            .sum::<JointVector>();
         rows += demonstrations.rows();
     }
     (sum / rows.max(1) as f64).into()
@@ -130,8 +137,10 @@ pub fn model_files(
     for lesson in lessons.iter().filter(|lesson| lesson.has_starts) {
         for trajectory in 0..lesson.demonstrations.trajectories().min(STARTS_PER_POSE) {
             let (first, _) = lesson.demonstrations.span(trajectory);
-            z.extend(&lesson.latents[0]);
-            q.extend(lesson.demonstrations.state(first).q.iter().map(|x| *x as f32));
+            let seen = &lesson.encodings[0];
+            z.extend(&seen.z);
+            let start = seen.in_front(&lesson.demonstrations.state(first).q);
+            q.extend(start.iter().map(|x| *x as f32));
         }
     }
     let count = q.len() / DOF;
@@ -170,10 +179,11 @@ pub fn fingertip_errors<'a>(
         for trajectory in 0..lesson.demonstrations.trajectories().min(2) {
             let (first, end) = lesson.demonstrations.span(trajectory);
             let mut state = JointState::at_rest(lesson.demonstrations.state(first).q);
-            let z = &lesson.latents[lesson.latents.len() - 1];
+            let object = &lesson.encodings[lesson.encodings.len() - 1];
             for _ in 0..120 {
                 let lost = || JointVector::repeat(f64::NAN);
-                let qdd = ngf.acceleration(&state, z).unwrap_or_else(lost);
+                let front = object.state_in_front(&state);
+                let qdd = ngf.acceleration(&front, &object.z).unwrap_or_else(lost);
                 state = integrator::step(&state, &qdd, CONTROL_PERIOD);
             }
             let wanted = lesson.demonstrations.state(end - 1).q;

@@ -49,7 +49,7 @@ pub(crate) fn run(options: &Options) -> Result<()> {
 
     let pose = robot.config.upright(0.6, 0.0, 0.4);
     let cloud = workcell.eye.cloud(&workcell.eye.frame(&object.mesh, &pose, &mut rng));
-    let z = encoder.encode(&cloud).context("a cloud")?;
+    let z = encoder.encode(&cloud).context("a cloud")?.z;
     let state = robot::JointState::at_rest(robot.nominal);
     let mut rows = vec![
         row("policy_step_native", 200, || {

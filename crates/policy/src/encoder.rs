@@ -5,6 +5,7 @@
 //! neighbourhoods: z depends on which points come first, but neither on their order nor on that of the
 //! others (where no two points are equally far from a centre).
 
+use crate::encoding::{self, Encoding};
 use crate::mlp::{Activation, Mlp};
 use crate::weights::{Tensors, WeightsError};
 use crate::whitening::Whitening;
@@ -95,12 +96,13 @@ impl Encoder {
         })
     }
 
-    /// z of a cloud in farthest-point order, whitened; `None` if the cloud is empty.
-    pub fn encode(&self, cloud: &[Vec3]) -> Option<Vec<f32>> {
-        Some(self.whitening.apply(&self.raw(cloud)?))
+    /// Encodes a cloud (base frame) in farthest-point order; `None` if it is empty.
+    pub fn encode(&self, cloud: &[Vec3]) -> Option<Encoding> {
+        let (bearing, front) = encoding::to_front(cloud);
+        Some(Encoding { bearing, z: self.whitening.apply(&self.raw(&front)?) })
     }
 
-    /// z as the autoencoder knows it.
+    /// z of a cloud that has been turned to the front, as the autoencoder knows it.
     pub fn raw(&self, cloud: &[Vec3]) -> Option<Vec<f32>> {
         if cloud.is_empty() {
             return None;
@@ -130,7 +132,7 @@ impl Decoder {
         })
     }
 
-    /// The cloud that a whitened z stands for.
+    /// The cloud, turned to the front, that a whitened z stands for.
     pub fn decode(&self, z: &[f32]) -> Vec<Vec3> {
         let points = self.mlp.apply(&self.whitening.undo(z));
         let middle = Vec3::from_array(WORKSPACE_MIDDLE);
@@ -191,13 +193,13 @@ mod tests {
     #[test]
     fn the_order_of_centers_and_of_the_others_does_not_matter() {
         let (encoder, mut cloud) = (encoder(), cloud());
-        let z = encoder.encode(&cloud).unwrap();
+        let z = encoder.raw(&cloud).unwrap();
         assert!(z.len() == LATENT && z.iter().all(|z| z.is_finite()));
         cloud[CENTERS..].reverse();
-        assert_eq!(encoder.encode(&cloud).unwrap(), z, "the others reversed");
+        assert_eq!(encoder.raw(&cloud).unwrap(), z, "the others reversed");
         cloud[..CENTERS].rotate_left(40);
         cloud[CENTERS..].swap(0, 200);
-        assert_eq!(encoder.encode(&cloud).unwrap(), z, "the centres rotated");
+        assert_eq!(encoder.raw(&cloud).unwrap(), z, "the centres rotated");
     }
 
     #[test]
@@ -237,6 +239,6 @@ mod tests {
         let encoder = encoder();
         assert!(encoder.encode(&[]).is_none());
         let z = encoder.encode(&cloud()[..1]).unwrap();
-        assert!(z.iter().all(|z| z.is_finite()), "{z:?}");
+        assert!(z.z.iter().all(|z| z.is_finite()), "{z:?}");
     }
 }

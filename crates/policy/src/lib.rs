@@ -4,6 +4,7 @@
 //! the browser. Training lives elsewhere and is held to this code by tests.
 
 pub mod encoder;
+pub mod encoding;
 pub mod fourier;
 pub mod head;
 mod lanes;
@@ -14,6 +15,7 @@ pub mod weights;
 pub mod whitening;
 
 pub use encoder::{Encoder, LATENT};
+pub use encoding::Encoding;
 pub use model::{Model, Start};
 pub use ngf::Ngf;
 pub use weights::WeightsError;

@@ -1,9 +1,10 @@
 //! A model as it is shipped: encoder, policy, start configurations, configuration.
 
 use crate::encoder::{Decoder, Encoder, LATENT};
+use crate::encoding::Encoding;
 use crate::ngf::{Ngf, NgfConfig};
 use crate::weights::{Tensors, WeightsError};
-use robot::{DOF, Isometry, JointVector, Tree, rotation};
+use robot::{DOF, Isometry, JointState, JointVector, Tree, rotation};
 
 /// The configuration that lies beside the weights.
 #[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
@@ -12,7 +13,7 @@ pub struct ModelConfig {
     pub ngf: NgfConfig,
 }
 
-/// A start configuration of the training data (paper §III-F).
+/// A start configuration of the training data (paper §III-F), with the object in front.
 #[derive(Clone, Debug)]
 pub struct Start {
     /// z of the object pose that it belongs to.
@@ -57,14 +58,21 @@ impl Model {
         })
     }
 
+    /// q̈ (rad/s²) at a state; `None` if it is not finite.
+    pub fn acceleration(&self, state: &JointState, object: &Encoding) -> Option<JointVector> {
+        self.ngf.acceleration(&object.state_in_front(state), &object.z)
+    }
+
     /// The start of the paper's §III-F: the nearest encoding first, then, among the starts of that
     /// object pose, the one whose palm is nearest to `target`.
-    pub fn start(&self, z: &[f32], target: &Isometry) -> Option<&Start> {
+    pub fn start(&self, object: &Encoding, target: &Isometry) -> Option<JointVector> {
+        let (z, target) = (&object.z, object.pose_in_front(target));
         let nearest =
             self.starts.iter().map(|start| squared_distance(&start.z, z)).min_by(f64::total_cmp)?;
-        self.starts.iter().filter(|start| squared_distance(&start.z, z) == nearest).min_by(
-            |a, b| palm_distance(&a.palm, target).total_cmp(&palm_distance(&b.palm, target)),
-        )
+        let of_pose = self.starts.iter().filter(|start| squared_distance(&start.z, z) == nearest);
+        let distance = |start: &Start| palm_distance(&start.palm, &target);
+        let start = of_pose.min_by(|a, b| distance(a).total_cmp(&distance(b)))?;
+        Some(object.at_bearing(&start.q))
     }
 }
 
@@ -95,7 +103,6 @@ mod tests {
     use crate::Whitening;
     use crate::encoder::{DECODER_WIDTHS, GLOBAL_WIDTHS, LOCAL_WIDTHS, READOUT_WIDTHS};
     use crate::ngf::PARTS;
-    use robot::JointState;
     use safetensors::Dtype;
     use safetensors::tensor::TensorView;
     use std::collections::BTreeMap;
@@ -171,7 +178,13 @@ mod tests {
     fn a_sound_model_loads_and_acts() {
         let model = load(&bytes(&weights()), &bytes(&starts()), &config()).unwrap();
         let state = JointState::at_rest(JointVector::from_element(0.3));
-        assert!(model.ngf.acceleration(&state, &[0.1; LATENT]).is_some());
+        let object = Encoding { bearing: 0.3, z: vec![0.1; LATENT] };
+        let qdd = model.acceleration(&state, &object);
+        assert!(qdd.is_some());
+        // Object and first joint turned alike: nothing changes.
+        let mut turned = state;
+        turned.q[0] += 0.25;
+        assert_eq!(model.acceleration(&turned, &Encoding { bearing: 0.55, ..object }), qdd);
         assert_eq!(model.decoder.decode(&[0.1; LATENT]).len(), crate::encoder::CLOUD);
     }
 
@@ -179,11 +192,13 @@ mod tests {
     fn the_start_belongs_to_the_nearest_encoding_and_then_to_the_nearest_palm() {
         let model = load(&bytes(&weights()), &bytes(&starts()), &config()).unwrap();
         for (z, q) in [(0.2f32, 0.2), (0.2, 0.5), (0.9, 0.2), (0.9, 0.5)] {
-            let wanted = JointVector::from_element(f64::from(q as f32));
+            // Where the first joint is, at another bearing.
+            let mut wanted = JointVector::from_element(f64::from(q as f32));
+            wanted[0] += 0.4;
             let palm = Tree::iiwa7_allegro().unwrap().kinematics(&wanted).palm();
-            let start = model.start(&[z; LATENT], &palm).unwrap();
-            assert_eq!(start.z, [z.round(); LATENT]);
-            assert!((start.q - wanted).amax() < 1e-6, "{} against {q}", start.q[0]);
+            let object = Encoding { bearing: 0.4, z: vec![z; LATENT] };
+            let start = model.start(&object, &palm).unwrap();
+            assert!((start - wanted).amax() < 1e-6, "{} against {q}", start[0]);
         }
     }
 

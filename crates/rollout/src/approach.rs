@@ -8,13 +8,15 @@ use geometry::object::Object;
 use geometry::{Pose, Vec3};
 use grasps::demonstration::{self, TrajectoryConfig};
 use grasps::search;
-use policy::LATENT;
+use policy::{Encoding, LATENT};
 use rand_chacha::ChaCha8Rng;
 use robot::{DOF, Isometry, JointState, JointVector, Limits};
 use scene::config::CONTROL_PERIOD;
 
 /// What is known when the approach is planned.
 pub(crate) struct Sight<'a> {
+    /// Where it happens.
+    pub(crate) workcell: &'a Workcell,
     /// The object, of which a policy knows the cloud alone.
     pub(crate) object: &'a Object,
     /// Its name.
@@ -25,6 +27,8 @@ pub(crate) struct Sight<'a> {
     pub(crate) cloud: &'a [Vec3],
     /// Where the palm of the start configuration should be.
     pub(crate) target: Isometry,
+    /// Where the robot is (rad).
+    pub(crate) home: JointVector,
 }
 
 /// A planned approach.
@@ -34,74 +38,74 @@ pub(crate) struct Approach {
     /// How many of them come before the grasp.
     pub(crate) ticks: usize,
     /// What the policy is told of the object.
-    pub(crate) z: Option<Vec<f32>>,
+    pub(crate) encoding: Option<Encoding>,
 }
 
-/// Plans the approach from `home`, or says why there is none.
-pub(crate) fn plan(
-    workcell: &Workcell,
-    controller: &Controller,
-    sight: &Sight,
-    home: &JointVector,
-    rng: &mut ChaCha8Rng,
-) -> Result<Result<Approach, Failure>, RolloutError> {
-    match controller {
-        Controller::Replay { targets, .. } => {
-            let rows = targets.iter().skip(1).copied().collect();
-            Ok(Ok(Approach { rows, ticks: 0, z: None }))
+impl Sight<'_> {
+    /// Plans the approach from `home`, or says why there is none.
+    pub(crate) fn plan(
+        &self,
+        controller: &Controller,
+        rng: &mut ChaCha8Rng,
+    ) -> Result<Result<Approach, Failure>, RolloutError> {
+        match controller {
+            Controller::Replay { targets, .. } => {
+                let rows = targets.iter().skip(1).copied().collect();
+                Ok(Ok(Approach { rows, ticks: 0, encoding: None }))
+            }
+            Controller::Planner => self.demonstrated(rng),
+            _ => self.looked_up(controller, rng),
         }
-        Controller::Planner => demonstrated(workcell, sight, home, rng),
-        _ => looked_up(workcell, controller, sight, home, rng),
     }
-}
 
-/// The first demonstration that can be planned.
-fn demonstrated(
-    workcell: &Workcell,
-    sight: &Sight,
-    home: &JointVector,
-    rng: &mut ChaCha8Rng,
-) -> Result<Result<Approach, Failure>, RolloutError> {
-    let (robot, object, place) = (&workcell.robot, sight.object, &sight.world_from_object);
-    let unknown = || RolloutError::NoGrasps(sight.name.to_owned());
-    let set = built_in_grasps(sight.name)?.ok_or_else(unknown)?;
-    let config = TrajectoryConfig::standard();
-    for (_, posture) in robot.options(&set.grasps, object, place) {
-        let palm = robot.tree.kinematics(&posture.touch).palm();
-        let above = demonstration::draw_target(robot, object, place, &palm, rng);
-        let found = demonstration::demonstrate(robot, object, place, &posture, &above, &config);
-        let Ok(found) = found else { continue };
-        let mut rows = spline(home, &found.states[0].q, &robot.tree.limits);
-        let ticks = rows.len();
-        rows.extend(&found.states[1..]);
-        return Ok(Ok(Approach { rows, ticks, z: None }));
-    }
-    Ok(Err(Failure::Unreachable))
-}
-
-/// The start configuration that the model looks up for the cloud (paper §III-F).
-fn looked_up(
-    workcell: &Workcell,
-    controller: &Controller,
-    sight: &Sight,
-    home: &JointVector,
-    rng: &mut ChaCha8Rng,
-) -> Result<Result<Approach, Failure>, RolloutError> {
-    let robot = &workcell.robot;
-    let model = workcell.model.as_ref().ok_or(RolloutError::NoModel)?;
-    let Some(z) = model.encoder.encode(sight.cloud) else { return Ok(Err(Failure::Unseen)) };
-    let Some(start) = model.start(&z, &sight.target) else { return Ok(Err(Failure::Unreachable)) };
-    let z = match controller {
-        Controller::ZeroLatent => vec![0.0; LATENT],
-        Controller::ShuffledLatent => {
-            let [x, y, yaw] = search::random_pose(robot, rng);
-            let cloud = look(workcell, sight.object, &robot.config.upright(x, y, yaw), rng);
-            model.encoder.encode(&cloud).unwrap_or_else(|| vec![0.0; LATENT])
+    /// The first demonstration that can be planned.
+    fn demonstrated(
+        &self,
+        rng: &mut ChaCha8Rng,
+    ) -> Result<Result<Approach, Failure>, RolloutError> {
+        let (robot, object, place) = (&self.workcell.robot, self.object, &self.world_from_object);
+        let unknown = || RolloutError::NoGrasps(self.name.to_owned());
+        let set = built_in_grasps(self.name)?.ok_or_else(unknown)?;
+        let config = TrajectoryConfig::standard();
+        for (_, posture) in robot.options(&set.grasps, object, place) {
+            let palm = robot.tree.kinematics(&posture.touch).palm();
+            let above = demonstration::draw_target(robot, object, place, &palm, rng);
+            let found = demonstration::demonstrate(robot, object, place, &posture, &above, &config);
+            let Ok(found) = found else { continue };
+            let mut rows = spline(&self.home, &found.states[0].q, &robot.tree.limits);
+            let ticks = rows.len();
+            rows.extend(&found.states[1..]);
+            return Ok(Ok(Approach { rows, ticks, encoding: None }));
         }
-        _ => z,
-    };
-    let rows = spline(home, &start.q, &robot.tree.limits);
-    Ok(Ok(Approach { ticks: rows.len(), rows, z: Some(z) }))
+        Ok(Err(Failure::Unreachable))
+    }
+
+    /// The start configuration that the model looks up for the cloud (paper §III-F).
+    fn looked_up(
+        &self,
+        controller: &Controller,
+        rng: &mut ChaCha8Rng,
+    ) -> Result<Result<Approach, Failure>, RolloutError> {
+        let robot = &self.workcell.robot;
+        let model = self.workcell.model.as_ref().ok_or(RolloutError::NoModel)?;
+        let Some(seen) = model.encoder.encode(self.cloud) else { return Ok(Err(Failure::Unseen)) };
+        let Some(start) = model.start(&seen, &self.target) else {
+            return Ok(Err(Failure::Unreachable));
+        };
+        let nothing = || Encoding { bearing: 0.0, z: vec![0.0; LATENT] };
+        let encoding = match controller {
+            Controller::ZeroLatent => nothing(),
+            Controller::ShuffledLatent => {
+                let [x, y, yaw] = search::random_pose(robot, rng);
+                let other = robot.config.upright(x, y, yaw);
+                let cloud = look(self.workcell, self.object, &other, rng);
+                model.encoder.encode(&cloud).unwrap_or_else(nothing)
+            }
+            _ => seen,
+        };
+        let rows = spline(&self.home, &start, &robot.tree.limits);
+        Ok(Ok(Approach { ticks: rows.len(), rows, encoding: Some(encoding) }))
+    }
 }
 
 /// Share of the joints' velocity limits that the spline uses at most.

@@ -1,12 +1,13 @@
 //! The attempt itself. A run is its seed: pose, sensor noise and target are drawn from it in this order.
 
-use crate::approach::{self, Sight, look, script};
+use crate::approach::{Sight, look, script};
 use crate::episode::{Episode, row_of};
 use crate::verdict::{Failure, Story, Verdict};
 use crate::workcell::{RolloutError, Workcell, object_hash};
 use geometry::Vec3;
 use geometry::object::Object;
 use grasps::{Robot, demonstration, search, trial};
+use policy::Encoding;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use robot::{JointState, JointVector, integrator};
@@ -18,9 +19,9 @@ use scene::{Hold, Scene};
 pub enum Controller {
     /// The learned policy (decision: it integrates its own commanded state).
     Policy,
-    /// The learned policy with z of another attempt (control b).
+    /// The learned policy with the encoding, z and bearing, of another pose (control b).
     ShuffledLatent,
-    /// The learned policy with z = 0 (control c).
+    /// The learned policy with z = 0, straight ahead (control c).
     ZeroLatent,
     /// Fingers closed by script at the start configuration (control a).
     Script,
@@ -62,7 +63,7 @@ pub struct Attempt {
     seed: u64,
     controller: Controller,
     cloud: Vec<Vec3>,
-    z: Option<Vec<f32>>,
+    encoding: Option<Encoding>,
     state: JointState,
     plan: std::vec::IntoIter<JointState>,
     phase: Phase,
@@ -119,7 +120,7 @@ impl Attempt {
             seed,
             controller,
             cloud,
-            z: None,
+            encoding: None,
             state: JointState::at_rest(home),
             plan: Vec::new().into_iter(),
             phase: Phase::Approach,
@@ -134,11 +135,19 @@ impl Attempt {
             targets: Vec::new(),
         };
         attempt.targets.push(row_of(&attempt.state));
-        let sight = Sight { object, name, world_from_object, cloud: &attempt.cloud, target };
-        match approach::plan(workcell, &attempt.controller, &sight, &home, &mut rng)? {
+        let sight = Sight {
+            workcell,
+            object,
+            name,
+            world_from_object,
+            cloud: &attempt.cloud,
+            target,
+            home,
+        };
+        match sight.plan(&attempt.controller, &mut rng)? {
             Ok(approach) => {
                 attempt.approach_ticks = approach.ticks;
-                attempt.z = approach.z;
+                attempt.encoding = approach.encoding;
                 attempt.plan = approach.rows.into_iter();
             }
             Err(failure) => attempt.fail(failure),
@@ -172,10 +181,10 @@ impl Attempt {
     }
 
     fn controlled(&mut self, workcell: &Workcell) -> Option<JointState> {
-        let (Some(model), Some(z)) = (&workcell.model, &self.z) else {
+        let (Some(model), Some(object)) = (&workcell.model, &self.encoding) else {
             return Some(JointState::at_rest(self.state.q));
         };
-        let Some(qdd) = model.ngf.acceleration(&self.state, z) else {
+        let Some(qdd) = model.acceleration(&self.state, object) else {
             self.fail(Failure::NotFinite);
             return None;
         };
@@ -322,9 +331,9 @@ impl Attempt {
         &self.cloud
     }
 
-    /// z, if a model acts.
-    pub fn latent(&self) -> Option<&[f32]> {
-        self.z.as_deref()
+    /// What the model knows of the object, if a model acts.
+    pub fn encoding(&self) -> Option<&Encoding> {
+        self.encoding.as_ref()
     }
 
     /// Pose of the object at the beginning: x, y (m), yaw (rad).
