@@ -32,7 +32,7 @@ pub struct AutoencoderConfig {
 }
 
 impl AutoencoderConfig {
-    /// About an hour on two cores.
+    /// About a quarter of an hour on two cores.
     pub fn standard() -> Self {
         Self { steps: 12_000, batch: 32, shards: 2, rate: 1e-3, latent_weight: 1e-4, seed: 0 }
     }

@@ -196,7 +196,7 @@ pub fn train(
 struct Class<'a> {
     lessons: &'a [Lesson],
     taught: Vec<usize>,
-    /// For each of these, the one with the nearest z.
+    /// For each of these, that of another pose with the nearest z.
     neighbors: Vec<usize>,
 }
 
@@ -359,6 +359,25 @@ mod tests {
             assert!((visit.state.q[1] - 0.1 * neighbor.pose as f64).abs() < 1e-6);
             assert_eq!(visit.state.qd.norm(), 0.0);
         }
+    }
+
+    #[test]
+    fn a_lesson_that_is_turned_teaches_the_same() {
+        let limits = robot::Tree::iiwa7_allegro().unwrap().limits;
+        let config = DaggerConfig { ngf: NgfConfig::tiny(), ..DaggerConfig::standard() };
+        let mut params = Params::default();
+        ngf::init(&mut params, &config.ngf, &mut ChaCha8Rng::seed_from_u64(5)).unwrap();
+        let network = Ngf::new(&config.ngf, &limits).unwrap();
+        let loss_at = |turn: f32| {
+            let lessons = [lesson(2, turn)];
+            let mut state = lessons[0].demonstrations.state(1);
+            state.q[3] += 0.05;
+            let visit = Visit { lesson: 0, encoding: 1, state, left: 1 };
+            let part = [(visit, std::sync::Mutex::new(JointVector::zeros()))];
+            loss(&network, &params, &lessons, &config, Active::All, &part).unwrap().loss
+        };
+        let (front, turned) = (loss_at(0.0), loss_at(0.7));
+        assert!(front > 1.0 && (front - turned).abs() < 1e-3 * front, "{front}, {turned}");
     }
 
     #[test]

@@ -19,9 +19,14 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+/// Counts the changes of what a configuration makes: 2, demonstrations begin at common places.
+const VERSION: u32 = 2;
+
 /// What a dataset holds.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct DatasetConfig {
+    /// [`VERSION`] of the program that makes it.
+    pub version: u32,
     /// Objects with demonstrations.
     pub objects: Vec<String>,
     /// Poses of each of them on the table (the paper's grid G).
@@ -42,7 +47,8 @@ pub struct DatasetConfig {
 }
 
 impl DatasetConfig {
-    /// A configuration by name: `tiny` (seconds), `small` (minutes), `shipped` (hours).
+    /// A configuration by name: `tiny` (seconds), `small` (minutes), `shipped` (a quarter of an hour on two
+    /// cores).
     pub fn preset(name: &str, seed: u64) -> Option<Self> {
         let names = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect();
         let (objects, encoder) = (
@@ -50,6 +56,7 @@ impl DatasetConfig {
             names(&["sugar_box", "bleach", "cracker_box", "soup_can"]),
         );
         let sized = |poses, trajectories, encoder_clouds| Self {
+            version: VERSION,
             objects,
             poses,
             trajectories,
@@ -137,7 +144,14 @@ impl Dataset {
         let path = dir.join("config.json");
         let text = std::fs::read_to_string(&path)
             .with_context(|| format!("{} is no dataset: it has no config.json", dir.display()))?;
-        Ok(Self { dir: dir.to_owned(), config: serde_json::from_str(&text)? })
+        let config: DatasetConfig = serde_json::from_str(&text).with_context(|| {
+            format!("{} is not of version {VERSION}: make the dataset again", path.display())
+        })?;
+        if config.version != VERSION {
+            let version = config.version;
+            bail!("{} is of version {version}, not {VERSION}: make it again", path.display());
+        }
+        Ok(Self { dir: dir.to_owned(), config })
     }
 
     /// Makes everything that is not there yet; `progress` gets stage, done, total.
@@ -258,8 +272,7 @@ impl Dataset {
             record.counts.insert("no grasp in reach".into(), 1);
         }
         for (_, posture) in options {
-            let kept =
-                self.try_posture(robot, name, object, &world_from_object, &posture, &mut record)?;
+            let kept = self.try_posture(robot, name, object, &posture, &mut record)?;
             if kept > 0 {
                 break;
             }
@@ -274,10 +287,11 @@ impl Dataset {
         robot: &Robot,
         name: &str,
         object: &Object,
-        world_from_object: &geometry::Pose,
         posture: &Posture,
         record: &mut PoseRecord,
     ) -> Result<usize> {
+        let [x, y, yaw] = record.pose;
+        let world_from_object = &robot.config.upright(x, y, yaw);
         let palm = robot.tree.kinematics(&posture.touch).palm();
         let config = TrajectoryConfig::standard();
         let mut kept = 0;

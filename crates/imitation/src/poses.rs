@@ -4,7 +4,7 @@
 use geometry::object::Object;
 use grasps::{Robot, demonstration};
 use rand::{Rng, RngExt};
-use robot::{Isometry, Vector};
+use robot::{Isometry, rotation};
 
 /// The index-th pose of a sequence that fills workspace and yaw evenly (Kronecker, with the roots of
 /// x⁴ = x + 1 as in M. Roberts' generalisation of the golden ratio).
@@ -47,7 +47,7 @@ pub fn draw_turn(robot: &Robot, pose: [f32; 3], rng: &mut impl Rng) -> f32 {
 const MOST_DRAWS: usize = 1000;
 
 /// A pose of the palm above the object from which a demonstration begins: with the same `rng` the same
-/// one at every object pose, as it is with the object in front.
+/// one at every object pose, relative to the object in front, whose yaw counts modulo half a turn.
 ///
 /// *Departure: the paper draws targets anew for each object pose, 256 of them. Of a few, neighbouring
 /// poses would have different ones, and a policy between them nothing that it could learn: the expert's
@@ -60,10 +60,10 @@ pub fn common_target(
     rng: &mut impl Rng,
 ) -> Isometry {
     let bearing = libm::atan2f(y, x);
-    // Boxes and bottles look the same after half a turn.
+    // Boxes and bottles look the same after half a turn; somewhere this has to jump.
     let yaw = (yaw - bearing).rem_euclid(std::f32::consts::PI);
     let in_front = robot.config.upright(libm::hypotf(x, y), 0.0, yaw);
-    let to_bearing = Isometry::rotation(Vector::z() * f64::from(bearing));
+    let to_bearing = rotation::about_vertical(f64::from(bearing));
     let palm = to_bearing.inverse() * palm;
     to_bearing * demonstration::draw_target(robot, object, &in_front, &palm, rng)
 }
@@ -73,7 +73,6 @@ mod tests {
     use super::*;
     use rand::SeedableRng;
     use rand_chacha::ChaCha8Rng;
-    use robot::rotation;
 
     #[test]
     fn targets_turn_with_the_object_and_do_not_see_a_half_turn() {
@@ -86,14 +85,14 @@ mod tests {
         };
         let wanted = target(pose, &palm);
         let is_wanted = |found: Isometry, turn: f64| {
-            let off = Isometry::rotation(Vector::z() * turn) * wanted;
+            let off = rotation::about_vertical(turn) * wanted;
             let apart = (found.translation.vector - off.translation.vector).norm();
             assert!(apart < 1e-6, "{apart} m off");
             assert!(rotation::angle_between(&found.rotation, &off.rotation) < 1e-6);
         };
         is_wanted(target([pose[0], pose[1], pose[2] + std::f32::consts::PI], &palm), 0.0);
         for turn in [-0.9f32, 0.4] {
-            let turned_palm = Isometry::rotation(Vector::z() * f64::from(turn)) * palm;
+            let turned_palm = rotation::about_vertical(f64::from(turn)) * palm;
             is_wanted(target(turned(pose, turn), &turned_palm), f64::from(turn));
         }
     }

@@ -8,7 +8,7 @@ use crate::nn::{Params, autoencoder as twin};
 use crate::store;
 use anyhow::{Context, Result};
 use policy::encoder::LATENT;
-use policy::model::ModelConfig;
+use policy::model::{ModelConfig, VERSION};
 use policy::weights::Tensors;
 use policy::{Encoding, Whitening};
 use rand::SeedableRng;
@@ -148,7 +148,8 @@ pub fn model_files(
         &[("starts.z", vec![count, LATENT], &z), ("starts.q", vec![count, DOF], &q)],
         None,
     )?;
-    let config = serde_json::to_vec_pretty(&ModelConfig { ngf: config.ngf.clone() })?;
+    let config =
+        serde_json::to_vec_pretty(&ModelConfig { version: VERSION, ngf: config.ngf.clone() })?;
     Ok((weights, starts, config))
 }
 
@@ -182,8 +183,7 @@ pub fn fingertip_errors<'a>(
             let object = &lesson.encodings[lesson.encodings.len() - 1];
             for _ in 0..120 {
                 let lost = || JointVector::repeat(f64::NAN);
-                let front = object.state_in_front(&state);
-                let qdd = ngf.acceleration(&front, &object.z).unwrap_or_else(lost);
+                let qdd = object.acceleration(ngf, &state).unwrap_or_else(lost);
                 state = integrator::step(&state, &qdd, CONTROL_PERIOD);
             }
             let wanted = lesson.demonstrations.state(end - 1).q;
@@ -194,4 +194,43 @@ pub fn fingertip_errors<'a>(
     }
     errors.sort_by(f64::total_cmp);
     errors
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::nn::ngf;
+    use policy::Model;
+    use policy::ngf::NgfConfig;
+
+    #[test]
+    fn the_model_begins_where_the_demonstration_did_turned_to_the_bearing_that_is_seen() {
+        let tree = Tree::iiwa7_allegro().unwrap();
+        let mut params = Params::default();
+        twin::init(&mut params, &mut ChaCha8Rng::seed_from_u64(1)).unwrap();
+        let encoder = TrainedEncoder { params, whitening: Whitening::identity() };
+        let rows: Vec<f32> = (0..4 * DOF).map(|i| 0.01 * (i % DOF) as f32).collect();
+        let z = vec![0.5; LATENT];
+        let lesson = Lesson {
+            pose: 0,
+            demonstrations: Demonstrations::new(rows, vec![0, 2]),
+            encodings: vec![Encoding { bearing: 0.3, z: z.clone() }],
+            has_starts: true,
+        };
+        let first = lesson.demonstrations.state(0).q;
+        let mean = JointVector::from(mean_configuration(std::slice::from_ref(&lesson)));
+        assert!((mean[0] - first[0] + 0.3).abs() < 1e-9 && (mean[5] - first[5]).abs() < 1e-9);
+
+        let config = DaggerConfig { ngf: NgfConfig::tiny(), ..DaggerConfig::standard() };
+        let mut policy = Params::default();
+        ngf::init(&mut policy, &config.ngf, &mut ChaCha8Rng::seed_from_u64(2)).unwrap();
+        let (weights, starts, config) = model_files(&encoder, &policy, &config, &[lesson]).unwrap();
+        let model = Model::load(&weights, &starts, &config, &tree).unwrap();
+        for bearing in [0.3, -0.6] {
+            let seen = Encoding { bearing, z: z.clone() };
+            let start = model.start(&seen, &tree.kinematics(&first).palm()).unwrap();
+            assert!((start[0] - first[0] - (bearing - 0.3)).abs() < 1e-6, "{}", start[0]);
+            assert!((start - first).rows(1, DOF - 1).amax() < 1e-6);
+        }
+    }
 }

@@ -6,8 +6,8 @@ use imitation::store;
 use serde_json::{Map, Value, json};
 use std::path::Path;
 
-/// Puts reports into a card: each replaces that of the same policy and object. Counts of other weights
-/// or of another scene go; the rest stays as it was.
+/// Puts reports into a card: each replaces that of the same policy, object and seed. Counts of other
+/// weights or of another scene go; the rest stays as it was.
 pub(crate) fn update(path: &Path, reports: &[Report]) -> Result<()> {
     let mut card: Map<String, Value> = match std::fs::read(path) {
         Ok(bytes) => serde_json::from_slice(&bytes).with_context(|| {
@@ -23,9 +23,9 @@ pub(crate) fn update(path: &Path, reports: &[Report]) -> Result<()> {
         let mut entry = serde_json::to_value(report)?;
         // The attempts themselves follow from the seeds.
         entry.as_object_mut().map(|entry| entry.remove("rows"));
-        let same = |other: &Value, keys: [&str; 2]| keys.iter().all(|key| other[key] == entry[key]);
-        entries.retain(|other| same(other, ["model_hash", "scene_hash"]));
-        entries.retain(|other| !same(other, ["policy", "object"]));
+        let same = |other: &Value, keys: &[&str]| keys.iter().all(|key| other[key] == entry[key]);
+        entries.retain(|other| same(other, &["model_hash", "scene_hash"]));
+        entries.retain(|other| !same(other, &["policy", "object", "seed"]));
         entries.push(entry);
     }
     card.insert("evaluation".into(), json!(entries));
@@ -60,10 +60,13 @@ mod tests {
         std::fs::write(&path, r#"{"training": "two hours"}"#).unwrap();
         update(&path, &[report("policy", 3), report("zero z", 1)]).unwrap();
         update(&path, &[report("policy", 7)]).unwrap();
+        let elsewhere = Report { seed: 1000, ..report("policy", 5) };
+        update(&path, &[elsewhere]).unwrap();
         let card: Value = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
         assert_eq!(card["training"], "two hours");
         let found: Vec<_> = card["evaluation"].as_array().unwrap().iter().collect();
-        assert_eq!(found.len(), 2);
+        assert_eq!(found.len(), 3);
+        assert_eq!((&found[2]["seed"], &found[2]["lifted"]), (&json!(1000), &json!(5)));
         assert_eq!((&found[1]["policy"], &found[1]["lifted"]), (&json!("policy"), &json!(7)));
         assert!(found[0].get("rows").is_none());
         let other = Report { model_hash: Some("new".into()), ..report("policy", 9) };

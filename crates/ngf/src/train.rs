@@ -131,7 +131,11 @@ fn policy(options: &PolicyRun) -> Result<()> {
         None => TrainedEncoder::load(&run.out)?,
     };
     let (taught, held_out) = training::lessons(&dataset, &encoder)?;
-    println!("{} object poses to learn from, {} held out", taught.len(), held_out.len());
+    println!(
+        "{} lessons, object poses at a bearing, to learn from; {} held out",
+        taught.len(),
+        held_out.len()
+    );
     match &begin {
         Some((_, model)) => config.ngf = model.ngf.clone(),
         None => config.ngf.rest = training::mean_configuration(&taught),

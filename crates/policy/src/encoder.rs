@@ -205,18 +205,35 @@ mod tests {
     #[test]
     fn it_matters_which_points_are_centers() {
         let (encoder, mut cloud) = (encoder(), cloud());
-        let z = encoder.encode(&cloud).unwrap();
+        let z = encoder.raw(&cloud).unwrap();
         for k in 0..CENTERS {
             cloud.swap(k, CENTERS + k);
         }
-        assert_ne!(encoder.encode(&cloud).unwrap(), z);
+        assert_ne!(encoder.raw(&cloud).unwrap(), z);
     }
 
     #[test]
     fn a_point_stands_for_its_place() {
         let (encoder, cloud) = (encoder(), cloud());
         let shifted: Vec<Vec3> = cloud.iter().map(|p| *p + Vec3::X * 0.05).collect();
-        assert_ne!(encoder.encode(&shifted), encoder.encode(&cloud), "z tells where the cloud is");
+        assert_ne!(encoder.raw(&shifted), encoder.raw(&cloud), "z tells where the cloud is");
+    }
+
+    #[test]
+    fn a_cloud_that_is_turned_about_the_robot_has_the_same_z() {
+        let (encoder, cloud) = (encoder(), cloud());
+        let front = encoder.encode(&cloud).unwrap();
+        let turn = geometry::Pose::new(Vec3::ZERO, Vec3::Z * 0.4);
+        let turned: Vec<Vec3> = cloud.iter().map(|p| turn * *p).collect();
+        let other = encoder.encode(&turned).unwrap();
+        assert!((other.bearing - front.bearing - 0.4).abs() < 1e-5);
+        let size = front.z.iter().map(|z| z.abs()).fold(0.0, f32::max);
+        let off = front.z.iter().zip(&other.z).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        assert!(off < 1e-3 * size, "off by {off} of {size}");
+        let moved = encoder.raw(&turned).unwrap();
+        let raw = encoder.raw(&cloud).unwrap();
+        let apart = raw.iter().zip(&moved).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        assert!(apart > 0.01 * size, "z would not tell a turn: {apart} of {size}");
     }
 
     #[test]

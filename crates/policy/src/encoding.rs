@@ -5,8 +5,9 @@
 //! so that a task that is turned with it stays the same task: to turn cloud and joint to the front before
 //! the networks see them takes one of the three dimensions of an object's pose from what they must learn.*
 
+use crate::ngf::Ngf;
 use geometry::Vec3;
-use robot::{Isometry, JointState, JointVector, Vector};
+use robot::{Isometry, JointState, JointVector, rotation};
 
 /// An encoded cloud.
 #[derive(Clone, Debug, PartialEq)]
@@ -28,6 +29,11 @@ pub fn to_front(cloud: &[Vec3]) -> (f64, Vec<Vec3>) {
 }
 
 impl Encoding {
+    /// q̈ (rad/s²) of a policy at a state; `None` if it is not finite.
+    pub fn acceleration(&self, ngf: &Ngf, state: &JointState) -> Option<JointVector> {
+        ngf.acceleration(&self.state_in_front(state), &self.z)
+    }
+
     /// A state as it is with the object in front.
     pub fn state_in_front(&self, state: &JointState) -> JointState {
         JointState { q: self.in_front(&state.q), qd: state.qd }
@@ -49,7 +55,7 @@ impl Encoding {
 
     /// A pose (base frame) as it is with the object in front.
     pub fn pose_in_front(&self, pose: &Isometry) -> Isometry {
-        Isometry::rotation(Vector::z() * -self.bearing) * pose
+        rotation::about_vertical(-self.bearing) * pose
     }
 }
 
@@ -57,7 +63,7 @@ impl Encoding {
 mod tests {
     use super::*;
     use geometry::Pose;
-    use robot::{Tree, rotation};
+    use robot::Tree;
 
     fn cloud() -> Vec<Vec3> {
         (0..40)

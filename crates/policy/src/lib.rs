@@ -1,4 +1,5 @@
-//! The networks as they run: point cloud -> z, and (q, q̇, z) -> q̈ (paper §III-B, §III-D).
+//! The networks as they run: point cloud -> bearing and z, and (q, q̇, z) -> q̈ with the object turned
+//! to the front (paper §III-B, §III-D).
 //!
 //! Plain Rust with a fixed order of every sum, so that an attempt has the same bits natively and in
 //! the browser. Training lives elsewhere and is held to this code by tests.

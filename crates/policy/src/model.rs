@@ -6,11 +6,37 @@ use crate::ngf::{Ngf, NgfConfig};
 use crate::weights::{Tensors, WeightsError};
 use robot::{DOF, Isometry, JointState, JointVector, Tree, rotation};
 
+/// What weights and starts mean: 1, everything in the base frame; 2, with the object in front.
+pub const VERSION: u32 = 2;
+
 /// The configuration that lies beside the weights.
 #[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
 pub struct ModelConfig {
+    /// [`VERSION`] of the program that trained it.
+    pub version: u32,
     /// Sizes, seed and length scales of the policy.
     pub ngf: NgfConfig,
+}
+
+impl ModelConfig {
+    /// Reads a configuration; that of another version is an error.
+    pub fn parse(bytes: &[u8]) -> Result<Self, WeightsError> {
+        #[derive(serde::Deserialize)]
+        struct Versioned {
+            #[serde(default = "first")]
+            version: u32,
+        }
+        let found = serde_json::from_slice::<Versioned>(bytes)?.version;
+        if found != VERSION {
+            return Err(WeightsError::Version { found, wanted: VERSION });
+        }
+        Ok(serde_json::from_slice(bytes)?)
+    }
+}
+
+/// The version of what has none.
+fn first() -> u32 {
+    1
 }
 
 /// A start configuration of the training data (paper §III-F), with the object in front.
@@ -48,7 +74,7 @@ impl Model {
         config: &[u8],
         tree: &Tree,
     ) -> Result<Self, WeightsError> {
-        let config: ModelConfig = serde_json::from_slice(config)?;
+        let config = ModelConfig::parse(config)?;
         let tensors = Tensors::parse(weights)?;
         Ok(Self {
             encoder: Encoder::load(&tensors)?,
@@ -60,7 +86,7 @@ impl Model {
 
     /// q̈ (rad/s²) at a state; `None` if it is not finite.
     pub fn acceleration(&self, state: &JointState, object: &Encoding) -> Option<JointVector> {
-        self.ngf.acceleration(&object.state_in_front(state), &object.z)
+        object.acceleration(&self.ngf, state)
     }
 
     /// The start of the paper's §III-F: the nearest encoding first, then, among the starts of that
@@ -164,7 +190,7 @@ mod tests {
     }
 
     fn config() -> String {
-        serde_json::to_string(&ModelConfig { ngf: NgfConfig::tiny() }).unwrap()
+        serde_json::to_string(&ModelConfig { version: VERSION, ngf: NgfConfig::tiny() }).unwrap()
     }
 
     /// The message about weights that were changed.
@@ -239,8 +265,12 @@ mod tests {
         assert!(message.contains("another architecture"), "{message}");
         let message = load(&whole, &whole, &config()).unwrap_err().to_string();
         assert!(message.contains("starts.q"), "{message}");
-        let message = load(&whole, &starts, "{}").unwrap_err().to_string();
+        let message = load(&whole, &starts, r#"{"version": 2}"#).unwrap_err().to_string();
         assert!(message.contains("configuration") && message.contains("ngf"), "{message}");
+        for (other, found) in [("{}", "version 1"), (r#"{"version": 3}"#, "version 3")] {
+            let message = load(&whole, &starts, other).unwrap_err().to_string();
+            assert!(message.contains(found) && message.contains("version 2"), "{message}");
+        }
     }
 
     #[test]
@@ -251,7 +281,7 @@ mod tests {
             (NgfConfig { latent_scale: 0.0, ..tiny() }, "latent_scale = 0"),
             (NgfConfig { velocity_scale: -1.0, ..tiny() }, "velocity_scale = -1"),
         ] {
-            let config = serde_json::to_string(&ModelConfig { ngf }).unwrap();
+            let config = serde_json::to_string(&ModelConfig { version: VERSION, ngf }).unwrap();
             let message = load(&bytes(&weights()), &bytes(&starts()), &config).unwrap_err();
             assert!(message.to_string().contains(named), "{message}");
         }

@@ -1,4 +1,6 @@
 //! The Neural Geometric Fabric: five networks over (q, q̇, z), combined by Eq. 3 (paper §III-B).
+//!
+//! q is that with the object in front of the robot ([`crate::encoding`]).
 
 use crate::encoder::LATENT;
 use crate::fourier::{Block, FEATURES, Fourier};
@@ -38,7 +40,7 @@ pub struct NgfConfig {
     /// with the same stiffness in every direction off its path; that part is given (225/s² where M is
     /// about 2 I, as in a fresh network), and F_ψ learns where to.*
     pub bowl: f64,
-    /// q̄, its middle (rad): the mean of the demonstrations.
+    /// q̄, its middle (rad): the mean of the demonstrations, with the object in front.
     pub rest: [f64; DOF],
 }
 
@@ -201,7 +203,7 @@ impl Ngf {
         }
     }
 
-    /// q̈ (rad/s²) at a state for an object z; `None` if it is not finite.
+    /// q̈ (rad/s²) at a state for an object z in front; `None` if it is not finite.
     pub fn acceleration(&self, state: &JointState, z: &[f32]) -> Option<JointVector> {
         let qdd = self.outputs(state, z).fabric(&state.qd).acceleration(&state.qd)?;
         qdd.iter().all(|x| x.is_finite()).then_some(qdd)

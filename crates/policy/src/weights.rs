@@ -35,6 +35,14 @@ pub enum WeightsError {
         /// The value.
         value: String,
     },
+    /// Weights and starts mean something else.
+    #[error("the model is of version {found}, this program runs version {wanted}; train it again")]
+    Version {
+        /// Version of the model.
+        found: u32,
+        /// Version that runs.
+        wanted: u32,
+    },
     /// The configuration beside the weights does not parse.
     #[error("the model's configuration is not valid: {0}")]
     Config(#[from] serde_json::Error),

@@ -12,6 +12,11 @@ pub fn about(axis: &Vector, angle: f64) -> UnitQuaternion<f64> {
     UnitQuaternion::new_unchecked(Quaternion::from_parts(cos, axis * sin))
 }
 
+/// The turn by `angle` (rad) about the robot's vertical axis, that of its first joint.
+pub fn about_vertical(angle: f64) -> Isometry {
+    Isometry::from_parts(Vector::zeros().into(), about(&Vector::z(), angle))
+}
+
 /// Fixed-axis roll, pitch, yaw as URDF means them: R = Rz(yaw) Ry(pitch) Rx(roll).
 pub fn from_rpy(rpy: [f64; 3]) -> UnitQuaternion<f64> {
     about(&Vector::z(), rpy[2]) * about(&Vector::y(), rpy[1]) * about(&Vector::x(), rpy[0])

@@ -92,14 +92,15 @@ impl Sight<'_> {
         let Some(start) = model.start(&seen, &self.target) else {
             return Ok(Err(Failure::Unreachable));
         };
-        let nothing = || Encoding { bearing: 0.0, z: vec![0.0; LATENT] };
+        let zero = || vec![0.0; LATENT];
         let encoding = match controller {
-            Controller::ZeroLatent => nothing(),
+            Controller::ZeroLatent => Encoding { z: zero(), ..seen },
             Controller::ShuffledLatent => {
                 let [x, y, yaw] = search::random_pose(robot, rng);
                 let other = robot.config.upright(x, y, yaw);
                 let cloud = look(self.workcell, self.object, &other, rng);
-                model.encoder.encode(&cloud).unwrap_or_else(nothing)
+                let z = model.encoder.encode(&cloud).map_or_else(zero, |other| other.z);
+                Encoding { z, ..seen }
             }
             _ => seen,
         };

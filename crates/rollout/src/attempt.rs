@@ -19,9 +19,9 @@ use scene::{Hold, Scene};
 pub enum Controller {
     /// The learned policy (decision: it integrates its own commanded state).
     Policy,
-    /// The learned policy with the encoding, z and bearing, of another pose (control b).
+    /// The learned policy with z of another object pose (control b).
     ShuffledLatent,
-    /// The learned policy with z = 0, straight ahead (control c).
+    /// The learned policy with z = 0 (control c).
     ZeroLatent,
     /// Fingers closed by script at the start configuration (control a).
     Script,
@@ -107,7 +107,7 @@ impl Attempt {
         let pose = pose.unwrap_or(drawn);
         let world_from_object = robot.config.upright(pose[0], pose[1], pose[2]);
         let cloud = look(workcell, object, &world_from_object, &mut rng);
-        let nominal_palm = robot.tree.kinematics(&robot.nominal).palm();
+        let nominal_palm = robot.tree.kinematics(&robot.nominal_towards(&world_from_object)).palm();
         let target =
             demonstration::draw_target(robot, object, &world_from_object, &nominal_palm, &mut rng);
 

@@ -111,6 +111,7 @@ pub fn built_in_grasps(name: &str) -> Result<Option<GraspSet>, RolloutError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use grasps::search;
 
     #[test]
     fn built_in_grasps_are_read_and_numbered_by_kind() {
@@ -120,5 +121,20 @@ mod tests {
             assert!(kinds.is_sorted() && kinds[0] == 0 && kinds.len() >= 2, "{name}: {kinds:?}");
         }
         assert!(built_in_grasps("mustard").unwrap().is_none());
+    }
+
+    #[test]
+    fn the_first_kind_serves_most_object_poses_and_each_pose_is_served_by_one() {
+        let robot = Robot::standard().unwrap();
+        let object = Object::built_in("sugar_box").unwrap();
+        let grasps = built_in_grasps("sugar_box").unwrap().unwrap().grasps;
+        let served = search::poses_served(&robot, &object, &grasps);
+        let all: usize = served.iter().sum();
+        println!("{served:?} of {}", search::REACH_POSES);
+        assert!(all <= search::REACH_POSES && all > search::REACH_POSES * 95 / 100, "{served:?}");
+        assert!(served.iter().all(|poses| *poses <= served[0]), "{served:?}");
+        // Nothing stands before the first kind.
+        let first: Vec<_> = grasps.iter().filter(|grasp| grasp.kind == 0).cloned().collect();
+        assert_eq!(search::poses_served(&robot, &object, &first), served[..1]);
     }
 }

@@ -72,8 +72,13 @@ function shadowed(mesh: Mesh<BufferGeometry, MeshStandardMaterial>) {
   return mesh;
 }
 
-// Takes everything out of a group and frees what it holds on the graphics card.
+// Takes everything out of a group and frees what it holds on the graphics card: geometry, and the
+// shadows of lights.
 export function clear(group: Group): void {
-  for (const child of group.children as (Object3D & { geometry?: BufferGeometry })[]) child.geometry?.dispose();
+  type Held = Object3D & { geometry?: BufferGeometry; dispose?: () => void };
+  for (const child of group.children as Held[]) {
+    child.geometry?.dispose();
+    child.dispose?.();
+  }
   group.clear();
 }
