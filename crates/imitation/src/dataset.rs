@@ -20,7 +20,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Counts the changes of what a configuration makes: 2, demonstrations begin at common places.
-const VERSION: u32 = 2;
+pub const VERSION: u32 = 2;
 
 /// What a dataset holds.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
