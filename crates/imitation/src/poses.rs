@@ -46,12 +46,12 @@ pub fn draw_turn(robot: &Robot, pose: [f32; 3], rng: &mut impl Rng) -> f32 {
 /// Turns that are drawn until one fits; about one in ten does.
 const MOST_DRAWS: usize = 1000;
 
-/// A pose of the palm above the object from which a demonstration begins: with the same `rng` the same
+/// A pose of the palm above the object (base frame) from which a demonstration begins: with the same `rng` the same
 /// one at every object pose, relative to the object in front, whose yaw counts modulo half a turn.
 ///
 /// *Departure: the paper draws targets anew for each object pose, 256 of them. Of a few, neighbouring
-/// poses would have different ones, and a policy between them nothing that it could learn: the expert's
-/// targets differ by 0.2 rad there where a motion begins, and by 0.08 rad where it ends.*
+/// poses would have different ones, and a policy between them nothing that it could learn: where a motion
+/// begins, the expert would want more different things of them than where it ends.*
 pub fn common_target(
     robot: &Robot,
     object: &Object,

@@ -186,5 +186,5 @@ fn read_model(folder: &Path) -> Result<(Vec<u8>, ModelConfig)> {
         let path = folder.join(file);
         std::fs::read(&path).with_context(|| format!("cannot read {}", path.display()))
     };
-    Ok((read("weights.safetensors")?, serde_json::from_slice(&read("config.json")?)?))
+    Ok((read("weights.safetensors")?, ModelConfig::parse(&read("config.json")?)?))
 }

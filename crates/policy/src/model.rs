@@ -4,7 +4,7 @@ use crate::encoder::{Decoder, Encoder, LATENT};
 use crate::encoding::Encoding;
 use crate::ngf::{Ngf, NgfConfig};
 use crate::weights::{Tensors, WeightsError};
-use robot::{DOF, Isometry, JointState, JointVector, Tree, rotation};
+use robot::{DOF, Isometry, JointVector, Tree, rotation};
 
 /// What weights and starts mean: 1, everything in the base frame; 2, with the object in front.
 pub const VERSION: u32 = 2;
@@ -84,11 +84,6 @@ impl Model {
         })
     }
 
-    /// q̈ (rad/s²) at a state; `None` if it is not finite.
-    pub fn acceleration(&self, state: &JointState, object: &Encoding) -> Option<JointVector> {
-        object.acceleration(&self.ngf, state)
-    }
-
     /// The start of the paper's §III-F: the nearest encoding first, then, among the starts of that
     /// object pose, the one whose palm is nearest to `target`.
     pub fn start(&self, object: &Encoding, target: &Isometry) -> Option<JointVector> {
@@ -129,6 +124,7 @@ mod tests {
     use crate::Whitening;
     use crate::encoder::{DECODER_WIDTHS, GLOBAL_WIDTHS, LOCAL_WIDTHS, READOUT_WIDTHS};
     use crate::ngf::PARTS;
+    use robot::JointState;
     use safetensors::Dtype;
     use safetensors::tensor::TensorView;
     use std::collections::BTreeMap;
@@ -205,12 +201,13 @@ mod tests {
         let model = load(&bytes(&weights()), &bytes(&starts()), &config()).unwrap();
         let state = JointState::at_rest(JointVector::from_element(0.3));
         let object = Encoding { bearing: 0.3, z: vec![0.1; LATENT] };
-        let qdd = model.acceleration(&state, &object);
+        let qdd = object.acceleration(&model.ngf, &state);
         assert!(qdd.is_some());
         // Object and first joint turned alike: nothing changes.
         let mut turned = state;
         turned.q[0] += 0.25;
-        assert_eq!(model.acceleration(&turned, &Encoding { bearing: 0.55, ..object }), qdd);
+        let object = Encoding { bearing: 0.55, ..object };
+        assert_eq!(object.acceleration(&model.ngf, &turned), qdd);
         assert_eq!(model.decoder.decode(&[0.1; LATENT]).len(), crate::encoder::CLOUD);
     }
 

@@ -184,7 +184,7 @@ impl Attempt {
         let (Some(model), Some(object)) = (&workcell.model, &self.encoding) else {
             return Some(JointState::at_rest(self.state.q));
         };
-        let Some(qdd) = model.acceleration(&self.state, object) else {
+        let Some(qdd) = object.acceleration(&model.ngf, &self.state) else {
             self.fail(Failure::NotFinite);
             return None;
         };
@@ -329,11 +329,6 @@ impl Attempt {
     /// The cloud that the camera saw, base frame.
     pub fn cloud(&self) -> &[Vec3] {
         &self.cloud
-    }
-
-    /// What the model knows of the object, if a model acts.
-    pub fn encoding(&self) -> Option<&Encoding> {
-        self.encoding.as_ref()
     }
 
     /// Pose of the object at the beginning: x, y (m), yaw (rad).
