@@ -2,11 +2,12 @@
 
 #![allow(clippy::unwrap_used, reason = "a helper of a test fails by panicking too")]
 
+use dataset::poses::{spread_pose, turned};
 use geometry::object::Object;
-use grasps::Robot;
-use grasps::demonstration::{self, TrajectoryConfig};
-use grasps::trial::HOLD_SECONDS;
-use imitation::poses::{spread_pose, turned};
+use grasps::built_in::built_in;
+use grasps::demonstration::{self, Demonstration, TrajectoryConfig};
+use grasps::trial::{Endurance, Physics, TrialOutcome};
+use grasps::{Posture, Robot, Setting};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use std::collections::BTreeMap;
@@ -16,12 +17,19 @@ const DEMONSTRATIONS: usize = 4;
 /// Targets drawn at a pose at most.
 const TARGETS: usize = 12;
 
+/// Whether arm and hand lift the object when a demonstration is played back.
+fn lifts(setting: &Setting, posture: &Posture, motion: &Demonstration) -> bool {
+    let lift = demonstration::lift_of(setting, posture).unwrap().expect("a lift");
+    let outcome = motion.replay(Physics::Full, setting, &lift, Endurance::BRIEF).unwrap();
+    matches!(outcome, TrialOutcome::Lifted { .. })
+}
+
 /// Demonstrations of the nearest grasp at the first poses of the dataset, each replayed: none is left
 /// out for how its replay ended. Poses out of reach have none and are counted apart.
 fn replay(name: &str) {
     let robot = Robot::standard().unwrap();
     let object = Object::built_in(name).unwrap();
-    let grasps = rollout::workcell::built_in_grasps(name).unwrap().unwrap().grasps;
+    let grasps = built_in(name).unwrap().grasps;
     let config = TrajectoryConfig::standard();
     let (mut lifted, mut replayed, mut out_of_reach) = (0, 0, 0);
     let mut flaws = BTreeMap::new();
@@ -33,7 +41,8 @@ fn replay(name: &str) {
         let place = robot.config.upright(x, y, yaw);
         let mut rng = ChaCha8Rng::seed_from_u64(index as u64);
         index += 1;
-        let options = robot.options(&grasps, &object, &place);
+        let setting = Setting::new(&robot, &object, &place);
+        let options = setting.options(&grasps);
         let Some((grasp, posture)) = options.first() else {
             out_of_reach += 1;
             continue;
@@ -44,14 +53,18 @@ fn replay(name: &str) {
             if found == DEMONSTRATIONS {
                 break;
             }
-            let target = demonstration::draw_target(&robot, &object, &place, &palm, &mut rng);
-            match demonstration::demonstrate(&robot, &object, &place, posture, &target, &config) {
+            let target = demonstration::draw_target(
+                &robot.config.target,
+                &object.bounds,
+                &place,
+                &palm,
+                &mut rng,
+            );
+            match demonstration::demonstrate(&setting, posture, &target, &config) {
                 Err(flaw) => *flaws.entry(flaw).or_insert(0) += 1,
                 Ok(motion) => {
                     found += 1;
-                    let ends =
-                        demonstration::replays(&robot, &object, &place, &motion, HOLD_SECONDS);
-                    here += usize::from(ends.unwrap());
+                    here += usize::from(lifts(&setting, posture, &motion));
                 }
             }
         }
@@ -71,29 +84,30 @@ fn replay(name: &str) {
 fn demonstrations_turn_with_the_object() {
     let robot = Robot::standard().unwrap();
     let object = Object::built_in("sugar_box").unwrap();
-    let grasps = rollout::workcell::built_in_grasps("sugar_box").unwrap().unwrap().grasps;
+    let grasps = built_in("sugar_box").unwrap().grasps;
     let config = TrajectoryConfig::standard();
     let mut lifted = 0;
     for (pose, turn) in [([0.5, -0.1, 0.4], 0.5), ([0.7, 0.2, -1.0], -0.6), ([0.6, 0.0, 2.5], 0.3)]
     {
         let place = |[x, y, yaw]: [f32; 3]| robot.config.upright(x, y, yaw);
-        let (here, there) = (place(pose), place(turned(pose, turn)));
-        let first = |place| robot.options(&grasps, &object, place).into_iter().next().unwrap();
-        let ((grasp, posture), (other, turned)) = (first(&here), first(&there));
+        let here = Setting::new(&robot, &object, &place(pose));
+        let there = here.elsewhere(&place(turned(pose, turn)));
+        let first = |setting: &Setting| setting.options(&grasps).into_iter().next().unwrap();
+        let ((grasp, posture), (other, turned_posture)) = (first(&here), first(&there));
         assert_eq!(grasp, other, "another grasp at {pose:?} turned by {turn}");
-        let mut moved = turned.touch - posture.touch;
+        let mut moved = turned_posture.touch - posture.touch;
         moved[0] -= f64::from(turn);
         assert!(moved.amax() < 1e-3, "joints move by {moved}");
 
         let palm = robot.tree.kinematics(&posture.touch).palm();
         let mut rng = ChaCha8Rng::seed_from_u64(3);
-        let target = demonstration::draw_target(&robot, &object, &here, &palm, &mut rng);
-        let found =
-            demonstration::demonstrate(&robot, &object, &here, &posture, &target, &config).unwrap();
+        let (region, bounds) = (&robot.config.target, &object.bounds);
+        let target =
+            demonstration::draw_target(region, bounds, &here.world_from_object, &palm, &mut rng);
+        let found = demonstration::demonstrate(&here, &posture, &target, &config).unwrap();
         let mut motion = found.clone();
         motion.states.iter_mut().for_each(|state| state.q[0] += f64::from(turn));
-        let ends = demonstration::replays(&robot, &object, &there, &motion, HOLD_SECONDS).unwrap();
-        lifted += usize::from(ends);
+        lifted += usize::from(lifts(&there, &turned_posture, &motion));
     }
     assert_eq!(lifted, 3);
 }

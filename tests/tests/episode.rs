@@ -4,6 +4,7 @@
 
 use geometry::object::Object;
 use rollout::{Attempt, Controller, Episode, Failure, Verdict, Workcell};
+use scene::Simulation;
 
 /// An attempt of the planner.
 fn begin(friction: f32) -> (Workcell, Object, Attempt) {

@@ -145,7 +145,7 @@ fn the_encoder_is_that_of_pytorch() {
         .chunks_exact(3)
         .map(|p| middle + Vec3::new(p[0], p[1], p[2]) / 8.0)
         .collect();
-    let flat = imitation::dataset::flat(&cloud);
+    let flat = cloud.iter().flat_map(|p| p.to_array()).collect::<Vec<f32>>();
 
     let bytes = params.export(&Whitening::identity().tensors()).unwrap();
     let tensors = Tensors::parse(&bytes).unwrap();

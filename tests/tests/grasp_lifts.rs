@@ -3,7 +3,10 @@
 #![allow(clippy::unwrap_used, reason = "a helper of a test fails by panicking too")]
 
 use geometry::object::Object;
-use grasps::{Robot, search};
+use grasps::Robot;
+use grasps::built_in::built_in;
+use grasps::place::Planned;
+use grasps::trial::{Endurance, Physics, TrialOutcome};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -16,14 +19,15 @@ const TURN: f32 = 0.0873;
 fn lifts_again(name: &str, wanted: usize) {
     let robot = Robot::standard().unwrap();
     let object = Object::built_in(name).unwrap();
-    let grasp = &rollout::workcell::built_in_grasps(name).unwrap().unwrap().grasps[0];
-    let yaw = search::easiest_yaw(&robot, &object, grasp).expect("a yaw within reach");
+    let grasp = &built_in(name).unwrap().grasps[0];
+    let planned = Planned::easiest(&robot, &object, grasp).unwrap().expect("within reach");
     let mut rng = ChaCha8Rng::seed_from_u64(20);
     let mut lost = Vec::new();
     for _ in 0..REPEATS {
         let mut draw = |reach: f32| rng.random_range(-reach..=reach);
         let beside = [draw(SHIFT), draw(SHIFT), draw(TURN)];
-        if !search::lifts(&robot, &object, grasp, yaw, Some(beside)).unwrap() {
+        let outcome = planned.try_beside(Physics::Full, beside, Endurance::BRIEF).unwrap();
+        if !matches!(outcome, TrialOutcome::Lifted { .. }) {
             lost.push(beside);
         }
     }

@@ -12,7 +12,7 @@ use toml::{Table, Value};
 /// The design's table, with two remarks. `policy`, `rollout` and what lies below them reach the
 /// browser, so candle stays above. `server` may use `imitation` for the jobs that it will run; today it
 /// only serves files and needs none of ours.
-const MAY_USE: [(&str, &[&str]); 13] = [
+const MAY_USE: [(&str, &[&str]); 14] = [
     ("geometry", &[]),
     ("robot", &["geometry"]),
     ("fabrics", &["geometry", "robot"]),
@@ -20,10 +20,24 @@ const MAY_USE: [(&str, &[&str]); 13] = [
     ("grasps", &["geometry", "robot", "fabrics", "scene"]),
     ("policy", &["geometry", "robot"]),
     ("rollout", &["geometry", "robot", "fabrics", "scene", "grasps", "policy"]),
-    ("imitation", &["geometry", "robot", "fabrics", "scene", "grasps", "policy", "rollout"]),
+    ("dataset", &["geometry", "robot", "fabrics", "scene", "grasps"]),
+    (
+        "imitation",
+        &["geometry", "robot", "fabrics", "scene", "grasps", "policy", "rollout", "dataset"],
+    ),
     (
         "server",
-        &["geometry", "robot", "fabrics", "scene", "grasps", "policy", "rollout", "imitation"],
+        &[
+            "geometry",
+            "robot",
+            "fabrics",
+            "scene",
+            "grasps",
+            "policy",
+            "rollout",
+            "dataset",
+            "imitation",
+        ],
     ),
     (
         "ngf",
@@ -35,6 +49,7 @@ const MAY_USE: [(&str, &[&str]); 13] = [
             "grasps",
             "policy",
             "rollout",
+            "dataset",
             "imitation",
             "server",
         ],
@@ -45,13 +60,15 @@ const MAY_USE: [(&str, &[&str]); 13] = [
 ];
 
 /// The only crates that may use a library whose types stay in one place. The command line caps
-/// threads with rayon; everything below `imitation` runs on the thread it is called on.
-const KEPT_IN: [(&str, &[&str]); 7] = [
+/// threads with rayon; everything below `dataset` runs on the thread it is called on.
+const KEPT_IN: [(&str, &[&str]); 9] = [
     ("rapier3d", &["scene"]),
     ("parry3d", &["geometry"]),
     ("candle-core", &["imitation"]),
     ("gemm", &["imitation"]),
-    ("rayon", &["imitation", "ngf"]),
+    ("rayon", &["dataset", "imitation", "ngf"]),
+    ("parquet", &["dataset"]),
+    ("arrow-array", &["dataset"]),
     ("tokio", &["server", "ngf"]),
     ("wasm-bindgen", &["wasm"]),
 ];

@@ -10,8 +10,8 @@ use crate::upload::{self, Loaded};
 use geometry::Pose;
 use js_sys::Float32Array;
 use robot::rotation;
-use rollout::workcell::object_hash;
 use rollout::{Attempt, Controller, RolloutError, Workcell};
+use scene::Simulation;
 use scene::config::CONTROL_PERIOD;
 use std::collections::BTreeMap;
 
@@ -19,7 +19,7 @@ use std::collections::BTreeMap;
 pub(crate) struct Stage {
     workcell: Workcell,
     loaded: Loaded,
-    /// Of what stands there, from [`object_hash`].
+    /// Of what stands there, from [`geometry::object::Object::hash`].
     object: String,
     pose: PlanarPose,
     /// The seed that the pose was drawn from, unless the object was placed by hand.
@@ -37,7 +37,7 @@ impl Stage {
         let first = upload::names().next().unwrap_or_default();
         let pose = draw_pose(&workcell, 0);
         let loaded = upload::built_in(first)?;
-        let object = object_hash(&loaded.object);
+        let object = loaded.object.hash();
         let attempts = BTreeMap::new();
         let pose_seed = Some(0);
         Ok(Self { workcell, loaded, object, pose, pose_seed, attempt: None, seed: 0, attempts })
@@ -70,7 +70,7 @@ impl Stage {
 
     /// Puts another object there.
     pub(crate) fn load(&mut self, loaded: Loaded) {
-        self.object = object_hash(&loaded.object);
+        self.object = loaded.object.hash();
         self.loaded = loaded;
         self.reset();
     }

@@ -2,8 +2,9 @@
 
 use crate::protocol::{Failure, ObjectLoaded, Report, Shape, Unit};
 use crate::statistics::Tally;
+use geometry::catalog::{LOOK_ALIKES, of_family};
 use geometry::mesh::{self, Healing, Import};
-use geometry::object::{BUILT_IN, Object};
+use geometry::object::Object;
 
 /// An object, and what is told about it.
 pub(crate) struct Loaded {
@@ -24,9 +25,9 @@ const FRICTION: f32 = 0.8;
 /// Corners of a hull that is drawn; its part may have fewer.
 const HULL_POINTS: usize = 256;
 
-/// Names of the built-in objects, in their order.
+/// Names of the built-in objects that the page offers, in their order.
 pub(crate) fn names() -> impl Iterator<Item = &'static str> {
-    BUILT_IN.iter().map(|(name, _)| *name)
+    of_family(LOOK_ALIKES).map(|entry| entry.name)
 }
 
 /// "Sugar box" for `sugar_box`.

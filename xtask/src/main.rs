@@ -7,6 +7,7 @@ mod chromium;
 mod demo;
 mod page;
 mod place;
+mod python;
 mod stages;
 mod stamp;
 mod tally;

@@ -3,7 +3,7 @@
 use crate::chromium;
 use crate::place::{Place, name, run};
 use crate::tally::Tally;
-use crate::{demo, tools};
+use crate::{demo, python, tools};
 use anyhow::{Context, Result};
 use std::io::{BufRead, BufReader};
 use std::process::{Command, Stdio};
@@ -36,6 +36,7 @@ pub(crate) fn test(place: &Place) -> Result<bool> {
     chromium::find(place)?;
     let mut stages = Stages::new();
     quick(place, &mut stages);
+    stages.stage("python", |stages| stages.count(&mut python_tests(place)?));
     stages.stage("wasm", |stages| stages.count(&mut wasm_tests(place)?));
     stages.stage("browser", |stages| {
         demo::build(place)?;
@@ -63,6 +64,21 @@ fn quick(place: &Place, stages: &mut Stages) {
         tools::npm_packages(place, "packages", &place.web())?;
         run(&mut place.npm(&place.web(), &["run", "--silent", "typecheck"]))
     });
+}
+
+/// A small dataset, read from Python.
+fn python_tests(place: &Place) -> Result<Command> {
+    let python = python::environment(place, "requirements.txt")?;
+    run(&mut place.cargo(&["build", "-q", "-p", "ngf"]))?;
+    let folder = place.target.join("tmp/dataset");
+    if folder.exists() {
+        std::fs::remove_dir_all(&folder)?;
+    }
+    let make = ["dataset", "--preset", "smoke", "--out"];
+    run(place.command(place.program("ngf"), &make).arg(&folder))?;
+    let mut read = place.command(python, &["tests/python/read_dataset.py"]);
+    read.arg(folder).arg("README.md");
+    Ok(read)
 }
 
 /// The tests of the worker's crate, in headless Chromium.

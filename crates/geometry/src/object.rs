@@ -1,8 +1,9 @@
 //! An object to grasp: its outer mesh, convex parts, mass and friction, standing upright on z = 0.
 
-use crate::Vec3;
 use crate::loft::Loft;
 use crate::mesh::{self, Mesh, MeshError};
+use crate::{Pose, Vec3};
+use glamx::Quat;
 
 /// What the scene needs to know of an object; frame: z up, bottom at z = 0, bounding box centred in x and y.
 #[derive(Clone, Debug)]
@@ -25,7 +26,7 @@ pub struct Object {
     pub bounds: [Vec3; 2],
 }
 
-/// An object file: a loft with its mass, friction and source.
+/// An object file: one upright loft or several placed ones, with mass, friction and source.
 #[derive(Clone, Debug, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ObjectFile {
@@ -38,14 +39,48 @@ pub struct ObjectFile {
     /// Where the figures come from.
     pub source: String,
     /// Sections from the bottom up: height, half-widths, exponent, and optionally the centre (m).
+    pub sections: Option<Loft>,
+    /// Lofts that together make up the object. Where they overlap, their mass counts twice.
+    #[serde(default, rename = "loft")]
+    pub lofts: Vec<PlacedLoft>,
+}
+
+/// A loft somewhere in the object.
+#[derive(Clone, Debug, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PlacedLoft {
+    /// Where its origin is (m).
+    pub at: [f32; 3],
+    /// Its turn (degrees) about x, then y, then z.
+    pub turn_deg: [f32; 3],
+    /// Its sections.
     pub sections: Loft,
+}
+
+impl PlacedLoft {
+    fn pose(&self) -> Pose {
+        let about = |axis: Vec3, angle_deg: f32| {
+            let (sin, cos) = libm::sincosf(0.5 * angle_deg.to_radians());
+            let v = axis * sin;
+            Quat::from_xyzw(v.x, v.y, v.z, cos)
+        };
+        let [x, y, z] = self.turn_deg;
+        let turn = about(Vec3::Z, z) * about(Vec3::Y, y) * about(Vec3::X, x);
+        Pose::from_parts(Vec3::from_array(self.at), turn)
+    }
 }
 
 impl ObjectFile {
     /// Reads an object file (TOML); the message says what is wrong with it.
     pub fn parse(text: &str) -> Result<Self, String> {
-        let file: Self = toml::from_str(text).map_err(|error| error.to_string())?;
-        file.sections.check()?;
+        let mut file: Self = toml::from_str(text).map_err(|error| error.to_string())?;
+        if file.sections.is_some() != file.lofts.is_empty() {
+            return Err("an object has either sections or lofts".into());
+        }
+        if let Some(sections) = file.sections.take() {
+            file.lofts.push(PlacedLoft { at: [0.0; 3], turn_deg: [0.0; 3], sections });
+        }
+        file.lofts.iter().try_for_each(|loft| loft.sections.check())?;
         if !(file.mass.is_finite() && file.mass > 0.0 && file.friction >= 0.0) {
             return Err("mass must be positive and friction must not be negative".into());
         }
@@ -54,8 +89,17 @@ impl ObjectFile {
 
     /// The object that the file describes.
     pub fn object(&self) -> Result<Object, MeshError> {
-        let parts = self.sections.convex_parts();
-        Object::new(&self.name, self.sections.mesh(), true, parts, self.mass, self.friction)
+        let (mut mesh, mut parts) = (Mesh { vertices: vec![], triangles: vec![] }, vec![]);
+        for loft in &self.lofts {
+            let pose = loft.pose();
+            let placed = |points: Vec<Vec3>| points.into_iter().map(|p| pose * p).collect();
+            let Mesh { vertices, triangles } = loft.sections.mesh();
+            let first = mesh.vertices.len() as u32;
+            mesh.triangles.extend(triangles.iter().map(|t| t.map(|i| i + first)));
+            mesh.vertices.extend::<Vec<Vec3>>(placed(vertices));
+            parts.extend(loft.sections.convex_parts().into_iter().map(placed));
+        }
+        Object::new(&self.name, mesh, true, parts, self.mass, self.friction)
     }
 }
 
@@ -91,67 +135,40 @@ impl Object {
         })
     }
 
+    /// BLAKE3 over mesh, parts, mass and friction, hex.
+    pub fn hash(&self) -> String {
+        let mut hasher = blake3::Hasher::new();
+        let points = self.mesh.vertices.iter().chain(self.parts.iter().flatten());
+        for x in points.flat_map(|p| p.to_array()).chain([self.mass, self.friction]) {
+            hasher.update(&x.to_bits().to_le_bytes());
+        }
+        for triangle in &self.mesh.triangles {
+            triangle.iter().for_each(|i| {
+                hasher.update(&i.to_le_bytes());
+            });
+        }
+        hasher.finalize().to_hex().to_string()
+    }
+
     /// The same object with another friction coefficient.
     pub fn with_friction(self, friction: f32) -> Self {
         Self { friction, ..self }
     }
-
-    /// The object that comes with the project under this name (file name without extension).
-    pub fn built_in(name: &str) -> Option<Self> {
-        let (_, text) = BUILT_IN.iter().find(|(known, _)| *known == name)?;
-        ObjectFile::parse(text).ok()?.object().ok()
-    }
 }
-
-macro_rules! built_in {
-    ($($name:literal),* $(,)?) => {
-        &[$(($name, include_str!(concat!("../../../assets/objects/", $name, ".toml")))),*]
-    };
-}
-
-/// Objects that come with the project: file name without extension, and text.
-pub const BUILT_IN: &[(&str, &str)] =
-    built_in!["sugar_box", "bleach", "cracker_box", "soup_can", "mustard"];
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn built_in_objects_are_sound() {
-        for (name, text) in BUILT_IN {
-            let object = ObjectFile::parse(text).unwrap().object().unwrap();
-            let [min, max] = object.bounds;
-            assert!(min.z.abs() < 1e-6 && (min.x + max.x).abs() < 1e-5, "{name}: {min} {max}");
-            let com = object.center_of_mass;
-            assert!(com.cmpgt(min).all() && com.cmplt(max).all(), "{name}: centre of mass {com}");
-        }
-    }
-
-    #[test]
-    fn look_alikes_have_the_extents_of_the_scans() {
-        // Bounding boxes of the YCB scans (mm).
-        let scans = [
-            ("sugar_box", [49.5, 94.2, 176.0]),
-            ("bleach", [102.4, 67.7, 250.6]),
-            ("cracker_box", [71.8, 164.0, 213.4]),
-            ("soup_can", [67.9, 67.8, 102.0]),
-            ("mustard", [97.2, 66.6, 191.4]),
-        ];
-        for (name, wanted) in scans {
-            let [min, max] = Object::built_in(name).unwrap().bounds;
-            let got = (max - min) * 1000.0;
-            let error = (got - Vec3::from_array(wanted)).abs().max_element();
-            assert!(error < 4.0, "{name}: {got} mm against {wanted:?} mm");
-        }
-    }
-
-    #[test]
     fn bad_object_files_say_why() {
-        let good = BUILT_IN[0].1;
+        let good = include_str!("../../../assets/objects/ycb/sugar_box.toml");
         let with = |from: &str, to: &str| ObjectFile::parse(&good.replace(from, to)).unwrap_err();
         assert!(with("mass =", "weight =").contains("weight"));
         assert!(with("mass = 0", "mass = -0").contains("mass"));
+        let loft = "[[loft]]\nat = [0, 0, 0]\nturn_deg = [0, 0, 0]\nsections = []\n";
+        let both = ObjectFile::parse(&format!("{good}{loft}")).unwrap_err();
+        assert!(both.contains("either sections or lofts"), "{both}");
         assert!(ObjectFile::parse("name = 3").is_err());
     }
 }

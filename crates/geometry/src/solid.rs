@@ -1,6 +1,7 @@
 //! Convex solids in the world: signed gaps between them, and from points to them.
 
-use crate::{Pose, Vec3, mesh};
+use crate::mesh::{self, Mesh};
+use crate::{Pose, Vec3};
 use parry3d::query;
 use parry3d::shape::SharedShape;
 use std::sync::Arc;
@@ -24,6 +25,8 @@ pub struct Solid {
     fine: SharedShape,
     /// Outward unit normals of a hull's faces and their distances from the origin, shape frame.
     faces: Arc<[(Vec3, f32)]>,
+    /// Least and greatest corner of its bounding box, shape frame.
+    bounds: [Vec3; 2],
 }
 
 /// The closest points of two solids, seen from the second one.
@@ -65,7 +68,7 @@ impl Solid {
         let large = hull.vertices.iter().map(|vertex| *vertex * FINE).collect();
         let fine = SharedShape::convex_mesh(large, &hull.triangles)?;
         let shape = SharedShape::convex_mesh(hull.vertices, &hull.triangles)?;
-        Some(Self { shape, fine, pose: Pose::IDENTITY, faces })
+        Some(Self { faces, ..Self::new(shape, fine) })
     }
 
     /// A prism along z whose flat sides touch the cylinder of `radius` from outside; its ends are
@@ -87,8 +90,30 @@ impl Solid {
         Self::hull(&points)
     }
 
+    /// Its surface as triangles, world, to be looked at.
+    pub fn mesh(&self) -> Mesh {
+        let (vertices, triangles) = if let Some(cuboid) = self.shape.as_cuboid() {
+            cuboid.to_trimesh()
+        } else if let Some(capsule) = self.shape.as_capsule() {
+            capsule.to_trimesh(12, 6)
+        } else if let Some(hull) = self.shape.as_convex_polyhedron() {
+            hull.to_trimesh()
+        } else {
+            (Vec::new(), Vec::new())
+        };
+        Mesh { vertices: vertices.into_iter().map(|p| self.pose * p).collect(), triangles }
+    }
+
     fn new(shape: SharedShape, fine: SharedShape) -> Self {
-        Self { shape, fine, pose: Pose::IDENTITY, faces: Arc::new([]) }
+        let aabb = shape.compute_local_aabb();
+        let bounds = [aabb.mins, aabb.maxs];
+        Self { shape, fine, pose: Pose::IDENTITY, faces: Arc::new([]), bounds }
+    }
+
+    /// Centre and radius (m) of a ball that holds the solid, world.
+    fn ball(&self) -> (Vec3, f32) {
+        let [min, max] = self.bounds;
+        (self.pose * (0.5 * (min + max)), 0.5 * min.distance(max))
     }
 
     /// Its place among shapes that are [`FINE`] times as large.
@@ -108,6 +133,10 @@ impl Solid {
 
     /// Where this solid comes closest to, or deepest into, another one; `None` beyond `reach` (m).
     pub fn contact(&self, other: &Self, reach: f32) -> Option<Contact> {
+        let ((middle, radius), (others, its)) = (self.ball(), other.ball());
+        if middle.distance(others) > radius + its + reach {
+            return None;
+        }
         let (a, b) = (self.fine_pose(), other.fine_pose());
         let contact = query::contact(&a, &*self.fine, &b, &*other.fine, reach * FINE);
         let contact = contact.ok().flatten()?;
@@ -122,12 +151,15 @@ impl Solid {
     pub fn point_gap(&self, point: Vec3) -> (f32, Vec3) {
         // The engine's projection is inexact for points on or inside a hull; its faces are not.
         let local = self.pose.inverse() * point;
-        let signed = |(normal, offset): &(Vec3, f32)| (normal.dot(local) - offset, *normal);
-        let nearest_face = self.faces.iter().map(signed).max_by(|a, b| a.0.total_cmp(&b.0));
-        if let Some((gap, normal)) = nearest_face
-            && gap <= 0.0
-        {
-            return (gap, self.pose.rotation * normal);
+        let [min, max] = self.bounds;
+        if local.cmpge(min).all() && local.cmple(max).all() {
+            let signed = |(normal, offset): &(Vec3, f32)| (normal.dot(local) - offset, *normal);
+            let nearest_face = self.faces.iter().map(signed).max_by(|a, b| a.0.total_cmp(&b.0));
+            if let Some((gap, normal)) = nearest_face
+                && gap <= 0.0
+            {
+                return (gap, self.pose.rotation * normal);
+            }
         }
         let projection = self.fine.project_point(&self.fine_pose(), point * FINE, false);
         let offset = point - projection.point / FINE;

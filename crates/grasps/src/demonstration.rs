@@ -1,16 +1,17 @@
 //! Demonstrations: fabric motions out of a grasp, reversed, with a closing segment (paper §II-A).
 
-use crate::grasp::{object_solids, table_solid};
+use crate::grasp::table_solid;
 use crate::proposal::GRASP_CENTER;
-use crate::{Posture, Robot, trial};
+use crate::trial::{self, Endurance, Motion, Physics, TrialOutcome};
+use crate::{Posture, Setting};
 use fabrics::planner::{Plan, PlannerConfig};
 use fabrics::terms::repulsion::Obstacle;
 use fabrics::{Fabric, FabricConfig, Goal};
-use geometry::Pose;
-use geometry::object::Object;
+use geometry::{Pose, Vec3};
 use rand::{Rng, RngExt};
 use robot::{Isometry, JointState, JointVector, Vector, integrator, rotation};
-use scene::config::CONTROL_PERIOD;
+use scene::SceneError;
+use scene::config::{CONTROL_PERIOD, TargetBox};
 
 /// A motion into a grasp: from above the object through `touch` to `squeeze`, then a hold.
 #[derive(Clone, Debug)]
@@ -21,9 +22,15 @@ pub struct Demonstration {
     pub accelerations: Vec<JointVector>,
     /// Index of the state at which the fingers touch.
     pub touch: usize,
-    /// Least gap (m) of the robot from object and table before that.
+    /// Least gap (m) of the robot's collision shapes from object and table before that, at most
+    /// [`MOST_CLEARANCE`].
     pub clearance: f32,
+    /// How often the fabric got stuck before.
+    pub restarts: usize,
 }
+
+/// Gaps (m) beyond this are not told apart.
+pub const MOST_CLEARANCE: f32 = 0.05;
 
 /// How demonstrations are made.
 #[derive(Clone, Debug)]
@@ -75,17 +82,16 @@ pub enum Flaw {
 
 /// A pose of the palm above the object, drawn from the scene's box (paper Fig. 2).
 ///
-/// `palm` gives the orientation, which is tilted a little; the box holds the middle between
-/// fingertips and thumb.
+/// `palm` gives the orientation, which is tilted a little; the box, as many times the object's `bounds` as
+/// the scene says, holds the middle between fingertips and thumb.
 pub fn draw_target(
-    robot: &Robot,
-    object: &Object,
+    region: &TargetBox,
+    bounds: &[Vec3; 2],
     world_from_object: &Pose,
     palm: &Isometry,
     rng: &mut impl Rng,
 ) -> Isometry {
-    let region = &robot.config.target;
-    let [min, max] = object.bounds.map(rotation::to_vector);
+    let [min, max] = bounds.map(rotation::to_vector);
     let half = (max - min) * 0.5;
     let mut draw = |reach: f64| rng.random_range(-reach..=reach);
     let offset = Vector::new(draw(region.spread[0]) * half.x, draw(region.spread[1]) * half.y, 0.0);
@@ -104,19 +110,19 @@ pub fn draw_target(
 /// A fabric can come to rest in a local minimum. Where it does, it starts again, drawn to a posture
 /// that lies nearer to the robot's nominal one.
 pub fn demonstrate(
-    robot: &Robot,
-    object: &Object,
-    world_from_object: &Pose,
+    setting: &Setting,
     posture: &Posture,
     target: &Isometry,
     config: &TrajectoryConfig,
 ) -> Result<Demonstration, Flaw> {
     let attempt = |restart: usize| {
         let share = restart as f64 / config.restarts.max(1) as f64;
-        let nominal = robot.nominal_towards(world_from_object);
+        let nominal = setting.robot.nominal_towards(&setting.world_from_object);
         let drawn_to = posture.touch.lerp(&nominal, share);
-        let leaving = leave(robot, object, world_from_object, posture, &drawn_to, target, config)?;
-        checked(robot, object, world_from_object, posture, &leaving, config)
+        let leaving = leave(setting, posture, &drawn_to, target, config)?;
+        let mut found = checked(setting, posture, &leaving, config)?;
+        found.restarts = restart;
+        Ok(found)
     };
     let first = attempt(0);
     (1..=config.restarts).fold(first, |found, restart| found.or_else(|_| attempt(restart)))
@@ -124,23 +130,20 @@ pub fn demonstrate(
 
 /// The motion out of the grasp, if it is long and touches nothing, reversed and with its end.
 fn checked(
-    robot: &Robot,
-    object: &Object,
-    world_from_object: &Pose,
+    setting: &Setting,
     posture: &Posture,
     leaving: &Plan,
     config: &TrajectoryConfig,
 ) -> Result<Demonstration, Flaw> {
-    let palm = |state: &JointState| robot.tree.kinematics(&state.q).palm().translation.vector;
+    let tree = &setting.robot.tree;
+    let palm = |state: &JointState| tree.kinematics(&state.q).palm().translation.vector;
     if (palm(leaving.last()) - palm(&leaving.states[0])).norm() < config.least_distance {
         return Err(Flaw::Short);
     }
-    let mut obstacles = object_solids(object, world_from_object);
-    obstacles.push(table_solid(&robot.config));
-    let gap = |state: &JointState| {
-        robot.solids.least_gap(&robot.tree.kinematics(&state.q), &obstacles, 0.05)
-    };
-    let clearance = leaving.states.iter().map(gap).fold(0.05, f32::min);
+    let clearance = leaving
+        .states
+        .iter()
+        .fold(MOST_CLEARANCE, |least, state| setting.clearance(&state.q, least).min(least));
     if clearance < -config.penetration {
         return Err(Flaw::Penetrates);
     }
@@ -158,18 +161,15 @@ fn checked(
 
 /// The motion out of the grasp: fingers open first, then the palm leaves.
 fn leave(
-    robot: &Robot,
-    object: &Object,
-    world_from_object: &Pose,
+    setting: &Setting,
     posture: &Posture,
     drawn_to: &JointVector,
     target: &Isometry,
     config: &TrajectoryConfig,
 ) -> Result<Plan, Flaw> {
-    let tree = &robot.tree;
-    let solids = object_solids(object, world_from_object);
+    let (tree, solids) = (&setting.robot.tree, &setting.solids);
     let obstacles = vec![
-        Obstacle { solids: vec![table_solid(&robot.config)], first_body: 3 },
+        Obstacle { solids: vec![table_solid(&setting.robot.config)], first_body: 3 },
         Obstacle { solids: solids.clone(), first_body: 3 },
     ];
     let fabric =
@@ -184,7 +184,7 @@ fn leave(
         if !is_clear {
             let kinematics = tree.kinematics(&state.q);
             let tip_gap =
-                tree.tips.map(|tip| robot.solids.gap(&kinematics, tip.body, &solids, 0.02));
+                tree.tips.map(|tip| setting.robot.solids.gap(&kinematics, tip.body, solids, 0.02));
             is_clear = tip_gap.iter().all(|gap| *gap >= config.clear);
         }
         let palm = if is_clear { *target } else { grasp_palm };
@@ -230,6 +230,7 @@ pub fn reverse(forward: &Plan, rest_speed: f64) -> Demonstration {
         accelerations: accelerations[first..].to_vec(),
         touch: n - first,
         clearance: 0.0,
+        restarts: 0,
     }
 }
 
@@ -237,24 +238,28 @@ pub fn reverse(forward: &Plan, rest_speed: f64) -> Demonstration {
 /// follows the commands to a fraction of a degree.
 const LEAD_ROWS: usize = 12;
 
-/// Plays the end of a demonstration back in physics, lifts, and says whether the object is held.
-pub fn replays(
-    robot: &Robot,
-    object: &Object,
-    world_from_object: &Pose,
-    demonstration: &Demonstration,
-    hold_seconds: f64,
-) -> Result<bool, scene::SceneError> {
-    let rows = &demonstration.states[demonstration.touch.saturating_sub(LEAD_ROWS)..];
-    let start = rows[0].q;
-    let (config, tree) = (&robot.config, &robot.tree);
-    let mut scene = scene::Scene::new(config, tree, object, world_from_object, &start)?;
-    for pair in rows.windows(2) {
-        scene.follow(&pair[0], &pair[1]);
+/// The lift after a grasp's demonstrations, the same for all: they end in one posture. `None` if it is not finite.
+pub fn lift_of(
+    setting: &Setting,
+    posture: &Posture,
+) -> Result<Option<Vec<JointState>>, SceneError> {
+    let robot = setting.robot;
+    trial::plan_lift(&robot.config, &robot.tree, &JointState::at_rest(posture.squeeze))
+}
+
+impl Demonstration {
+    /// Plays its end back in physics, goes along `lift`, and says what became of the object.
+    pub fn replay(
+        &self,
+        physics: Physics,
+        setting: &Setting,
+        lift: &[JointState],
+        endurance: Endurance,
+    ) -> Result<TrialOutcome, SceneError> {
+        let states = &self.states[self.touch.saturating_sub(LEAD_ROWS)..];
+        let motion = Motion { states, grasp: self.states[self.touch].q, lift };
+        motion.play(physics, setting, endurance)
     }
-    let last = JointState::at_rest(demonstration.states[demonstration.states.len() - 1].q);
-    let outcome = trial::lift_and_hold(config, tree, &mut scene, &last, hold_seconds)?;
-    Ok(matches!(outcome, trial::TrialOutcome::Lifted { .. }))
 }
 
 #[cfg(test)]

@@ -41,14 +41,30 @@ fn middle_at(object: &Object, height: f64) -> Vector {
 /// Greatest distance (m, by [`cluster::distance`]) of a grasp from the half turn of its other side.
 const OTHER_SIDE: f64 = 0.04;
 
-/// A grasp that lifted, and in how many of its perturbed repeats it did so again.
+/// A grasp that lifted, and what more it can.
 #[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
 pub struct Scored {
     /// The grasp.
     pub grasp: Grasp,
-    /// Repeats that lifted.
+    /// Repeats, in which the object stood beside its place, that lifted.
     pub again: usize,
+    /// How far (m) the object slips in the hand when it is shaken; `None` if it is lost.
+    pub shaken: Option<f32>,
 }
+
+impl Scored {
+    /// How reliable the grasp is, in hundredths of a repeat: one that bears shaking is worth up to [`SHAKING`]
+    /// more repeats, the more the less the object slips.
+    pub(crate) fn worth(&self) -> usize {
+        let firmness = self.shaken.map_or(0.0, |slip| (1.0 - slip / LOOSE).max(0.0));
+        100 * self.again + (100.0 * SHAKING * firmness) as usize
+    }
+}
+
+/// Repeats that the shaking counts for.
+const SHAKING: f32 = 10.0;
+/// Slip (m) when shaken that is as bad as a loss.
+const LOOSE: f32 = 0.02;
 
 /// Clusters reliable grasps into at most `count` kinds and numbers them.
 ///
@@ -88,8 +104,8 @@ pub fn kinds(
         };
         let gain = |sides: &(usize, Option<usize>)| {
             let new = (0..is_served.len()).filter(|&p| !is_served[p] && serves(sides, p)).count();
-            let again = sides.1.map_or(0, |other| reliable[other].again);
-            (new * reliable[sides.0].again, again)
+            let worth = sides.1.map_or(0, |other| reliable[other].worth());
+            (new * reliable[sides.0].worth(), worth)
         };
         // Of equals the first.
         let best = sides.rev().max_by_key(gain);
@@ -137,7 +153,7 @@ mod tests {
         let at = |x: f64, z: f64| Isometry::translation(x, 0.0, z);
         let top = half_turn(&object, &at(0.0, 0.3));
         assert!((middle_at(&object, 0.19).x - middle_at(&object, 0.02).x - 0.0125).abs() < 0.002);
-        let scored = |pose, again| Scored { grasp: grasp(pose), again };
+        let scored = |pose, again| Scored { grasp: grasp(pose), again, shaken: None };
         // From one side only; from above, twice nearly the same; from above turned.
         let reliable = [
             scored(at(0.2, 0.1), 8),

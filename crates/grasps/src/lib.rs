@@ -2,11 +2,13 @@
 //!
 //! In: an object. Out: grasps that lift it (paper §II-A). Knows nothing of networks.
 
+pub mod built_in;
 pub mod closing;
 pub mod cluster;
 pub mod demonstration;
 pub mod grasp;
 pub mod kind;
+pub mod place;
 pub mod proposal;
 pub mod reach;
 pub mod search;
@@ -14,4 +16,4 @@ pub mod squeeze;
 pub mod trial;
 
 pub use grasp::{Grasp, Posture};
-pub use reach::Robot;
+pub use reach::{Robot, Setting};

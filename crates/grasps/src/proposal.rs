@@ -1,13 +1,14 @@
 //! Proposals: palm poses around an object from which closing may give a grasp.
 
+use crate::Robot;
 use crate::closing::{self, ClosingConfig};
-use crate::grasp::{Grasp, object_solids};
+use crate::grasp::{Grasp, object_solids, table_solid};
 use crate::squeeze::{self, SqueezeConfig};
 use geometry::object::Object;
 use geometry::solid::Solid;
+use geometry::{Pose, Vec3};
 use rand::{Rng, RngExt};
-use robot::solids::RobotSolids;
-use robot::{ARM, DOF, HAND, Isometry, Tree, Vector, rotation};
+use robot::{ARM, DOF, HAND, Isometry, Vector, rotation};
 use scene::SceneConfig;
 
 /// Middle between fingertips and thumb, palm frame (m).
@@ -82,26 +83,41 @@ pub enum Refusal {
     TooHeavy,
 }
 
+/// What a palm is brought to: an object that stands at the origin, and the table there.
+pub struct Subject<'a> {
+    object: &'a Object,
+    solids: Vec<Solid>,
+    table: Solid,
+}
+
+impl<'a> Subject<'a> {
+    /// The object on the table of the scene.
+    pub fn new(object: &'a Object, scene: &SceneConfig) -> Self {
+        let mut table = table_solid(scene);
+        // The frame of an object that stands in the middle of the table.
+        table.pose.translation = -Vec3::Z * scene.table.half[2];
+        Self { object, solids: object_solids(object, &Pose::IDENTITY), table }
+    }
+}
+
 /// Brings the open palm to a pose on the object, closes the hand, its joints in drawn proportions, and
 /// keeps the grasp if its forces balance.
-///
-/// The object stands at the origin; `table` is the table there.
 pub fn propose(
-    tree: &Tree,
-    robot: &RobotSolids,
-    object: &Object,
-    table: &Solid,
+    robot: &Robot,
+    subject: &Subject,
     config: &ProposalConfig,
     mut object_from_palm: Isometry,
     rng: &mut impl Rng,
 ) -> Result<(Grasp, squeeze::Squeeze), Refusal> {
+    let Robot { tree, solids: robot, .. } = robot;
     let open = robot::join(&[0.0; ARM], &config.open);
     // The hand stays where it is, and object and table are brought to it.
     let kinematics = tree.kinematics(&open);
     let palm = kinematics.palm();
     let place = |object_from_palm: &Isometry| {
         let world_from_object = rotation::to_pose(&(palm * object_from_palm.inverse()));
-        let solids = object_solids(object, &world_from_object);
+        let moved = |solid: &Solid| solid.moved(&world_from_object);
+        let solids: Vec<Solid> = subject.solids.iter().map(moved).collect();
         (world_from_object, solids)
     };
     let gap_to = |solids: &[Solid]| {
@@ -118,7 +134,7 @@ pub fn propose(
         object_from_palm *= Isometry::translation(-config.retreat, 0.0, 0.0);
         (world_from_object, solids) = place(&object_from_palm);
     }
-    if gap_to(&[table.moved(&world_from_object)]) < config.clearance {
+    if gap_to(&[subject.table.moved(&world_from_object)]) < config.clearance {
         return Err(Refusal::Collides);
     }
     let closing = draw_closing(&config.closing, rng);
@@ -128,7 +144,7 @@ pub fn propose(
         return Err(Refusal::Misses);
     }
     let squeeze =
-        squeeze::squeeze(tree, &open, &closed, object, &world_from_object, &config.squeeze)
+        squeeze::squeeze(tree, &open, &closed, subject.object, &world_from_object, &config.squeeze)
             .ok_or(Refusal::Misses)?;
     if squeeze.residual > config.residual {
         return Err(Refusal::Unbalanced);

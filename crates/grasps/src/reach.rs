@@ -1,12 +1,12 @@
 //! What planning a grasp needs to know of the robot, and where grasps are within reach.
 
-use crate::grasp::{Grasp, Posture};
-use crate::trial;
+use crate::grasp::{Grasp, Posture, object_solids, table_solid};
 use geometry::Pose;
 use geometry::object::Object;
+use geometry::solid::Solid;
 use robot::ik::IkConfig;
 use robot::solids::RobotSolids;
-use robot::{JointVector, Tree};
+use robot::{DOF, JointVector, Tree};
 use scene::{SceneConfig, SceneError};
 
 /// The robot in its scene.
@@ -48,37 +48,65 @@ impl Robot {
         nominal[0] += libm::atan2(f64::from(y), f64::from(x));
         nominal
     }
+}
 
-    /// The posture of a grasp on an object, if the arm can take it without touching anything.
-    pub fn reach(
-        &self,
-        grasp: &Grasp,
-        object: &Object,
-        world_from_object: &Pose,
-    ) -> Option<Posture> {
-        let nominal = self.nominal_towards(world_from_object);
-        let posture = grasp.posture(&self.tree, world_from_object, &nominal, &self.ik)?;
-        let (config, tree, solids) = (&self.config, &self.tree, &self.solids);
-        let gap = trial::clearance(config, tree, solids, object, world_from_object, &posture.open);
-        (gap >= CLEARANCE).then_some(posture)
+/// An object that stands somewhere before the robot.
+pub struct Setting<'a> {
+    /// The robot.
+    pub robot: &'a Robot,
+    /// The object.
+    pub object: &'a Object,
+    /// Where it stands.
+    pub world_from_object: Pose,
+    /// Its collision parts, world.
+    pub solids: Vec<Solid>,
+}
+
+impl<'a> Setting<'a> {
+    /// Places the object.
+    pub fn new(robot: &'a Robot, object: &'a Object, world_from_object: &Pose) -> Self {
+        let solids = object_solids(object, world_from_object);
+        Self { robot, object, world_from_object: *world_from_object, solids }
+    }
+
+    /// The same object somewhere else.
+    pub fn elsewhere(&self, world_from_object: &Pose) -> Self {
+        let moved = *world_from_object * self.world_from_object.inverse();
+        let solids = self.solids.iter().map(|solid| solid.moved(&moved)).collect();
+        Self { world_from_object: *world_from_object, solids, ..*self }
+    }
+
+    /// The posture of a grasp, if the arm can take it without touching anything.
+    pub fn reach(&self, grasp: &Grasp) -> Option<Posture> {
+        let robot = self.robot;
+        let nominal = robot.nominal_towards(&self.world_from_object);
+        let posture = grasp.posture(&robot.tree, &self.world_from_object, &nominal, &robot.ik)?;
+        (self.clearance(&posture.open, 0.05) >= CLEARANCE).then_some(posture)
     }
 
     /// All grasps within reach with their indices in `grasps`: kind after kind, within a kind the least
     /// moved arm first.
-    pub fn options(
-        &self,
-        grasps: &[Grasp],
-        object: &Object,
-        world_from_object: &Pose,
-    ) -> Vec<(usize, Posture)> {
-        let reach = |(i, grasp)| Some((i, self.reach(grasp, object, world_from_object)?));
+    pub fn options(&self, grasps: &[Grasp]) -> Vec<(usize, Posture)> {
+        let reach = |(i, grasp)| Some((i, self.reach(grasp)?));
         let mut options: Vec<_> = grasps.iter().enumerate().filter_map(reach).collect();
-        let nominal = self.nominal_towards(world_from_object);
+        let nominal = self.robot.nominal_towards(&self.world_from_object);
         let moved = |posture: &Posture| (posture.open - nominal).norm();
         options.sort_by(|a, b| {
             let by_kind = grasps[a.0].kind.cmp(&grasps[b.0].kind);
             by_kind.then(moved(&a.1).total_cmp(&moved(&b.1)))
         });
         options
+    }
+
+    /// Least gap (m) of the robot in `q` from table and object; `reach` where it is wider.
+    pub fn clearance(&self, q: &JointVector, reach: f32) -> f32 {
+        let kinematics = self.robot.tree.kinematics(q);
+        let table = table_solid(&self.robot.config);
+        // The base of the arm stands beside the table anyway.
+        (3..=DOF).fold(reach, |least, body| {
+            let robot = &self.robot.solids;
+            let least = robot.gap(&kinematics, body, &self.solids, least).min(least);
+            robot.gap(&kinematics, body, std::slice::from_ref(&table), least).min(least)
+        })
     }
 }

@@ -1,15 +1,14 @@
 //! Search: many proposals, the strongest ones tried in physics and varied, the reliable ones clustered.
 
-use crate::grasp::{self, Grasp};
+use crate::grasp::Grasp;
 use crate::kind::{self, Scored, half_turn};
-use crate::proposal::{self, ProposalConfig, propose};
+use crate::place::{Planned, reach, reach_poses};
+use crate::proposal::{self, ProposalConfig, Subject, propose};
 use crate::squeeze::Squeeze;
-use crate::trial::{self, TrialOutcome};
+use crate::trial::{Endurance, Physics, TrialOutcome};
 use crate::{Robot, cluster};
-use geometry::Pose;
 use geometry::object::Object;
-use geometry::solid::Solid;
-use rand::{Rng, RngExt, SeedableRng};
+use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use robot::Isometry;
 use scene::SceneError;
@@ -17,11 +16,11 @@ use scene::SceneError;
 /// How long is searched and what counts as reliable.
 #[derive(Clone, Debug)]
 pub struct SearchConfig {
-    /// Palm poses proposed.
+    /// Palm poses proposed at most.
     pub proposals: usize,
-    /// Best proposals that are tried in physics.
-    pub trials: usize,
-    /// Reliable grasps among these that are enough.
+    /// Proposals with balanced forces that are enough.
+    pub closings: usize,
+    /// Reliable grasps among the strongest of these that are enough.
     pub enough: usize,
     /// Medoids of the most reliable grasps, around which and then around whose half turns is searched
     /// again.
@@ -42,6 +41,8 @@ pub struct SearchConfig {
     pub object_shift: f32,
     /// Greatest turn of the object in a repeat (rad).
     pub object_turn: f32,
+    /// Greatest slip of the object in the palm (m) in a trial that counts as lifted.
+    pub slip: f32,
     /// Kinds of grasps that remain after clustering (paper §II-A: N = 7).
     pub kinds: usize,
     /// What is proposed.
@@ -54,7 +55,7 @@ impl SearchConfig {
     pub fn paper(robot: &Robot) -> Self {
         Self {
             proposals: 60_000,
-            trials: 200,
+            closings: 250,
             enough: 20,
             centers: 6,
             variants: 1500,
@@ -65,6 +66,7 @@ impl SearchConfig {
             least_lifted: 7,
             object_shift: 0.015,
             object_turn: 0.2,
+            slip: 0.025,
             kinds: 7,
             proposal: ProposalConfig::standard(&robot.config),
         }
@@ -76,27 +78,30 @@ impl SearchConfig {
 pub struct GraspSet {
     /// Reliable grasps, by kind.
     pub grasps: Vec<Grasp>,
-    /// Palm poses proposed.
+    /// Palm poses proposed around the object.
     pub proposed: usize,
-    /// Proposals whose hand closed with balanced forces.
+    /// Proposals, varied ones too, whose hand closed with balanced forces.
     pub closed: usize,
-    /// Trials in physics.
+    /// Of these, tried with the hand alone.
     pub tried: usize,
     /// Trials that lifted.
     pub lifted: usize,
     /// Grasps that lifted in the perturbed repeats too.
     pub reliable: usize,
+    /// Of these, tried with arm and hand, and lifted there too.
+    pub confirmed: [usize; 2],
 }
 
 /// A search under way.
 struct Search<'a> {
     robot: &'a Robot,
     object: &'a Object,
+    subject: Subject<'a>,
     config: &'a SearchConfig,
-    table: Solid,
     /// Where the object stands in the repeats, the same for every grasp: x, y (m), yaw (rad).
     beside: Vec<[f32; 3]>,
     rng: ChaCha8Rng,
+    proposed: usize,
     closed: usize,
     tried: usize,
 }
@@ -109,30 +114,33 @@ pub fn search(
     seed: u64,
     mut progress: impl FnMut(f32),
 ) -> Result<(GraspSet, Vec<Scored>), SceneError> {
-    let mut table = grasp::table_solid(&robot.config);
-    table.pose.translation -=
-        robot.config.upright(middle(robot).0, middle(robot).1, 0.0).translation;
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut draw = |reach: f32| rng.random_range(-reach..=reach);
     let [shift, turn] = [config.object_shift, config.object_turn];
     let beside = (0..config.repeats).map(|_| [draw(shift), draw(shift), draw(turn)]).collect();
-    let mut search = Search { robot, object, config, table, beside, rng, closed: 0, tried: 0 };
+    let subject = Subject::new(object, &robot.config);
+    let (proposed, closed, tried) = (0, 0, 0);
+    let mut search =
+        Search { robot, object, subject, config, beside, rng, proposed, closed, tried };
     let mut scored = search.around_the_object(&mut |share| progress(0.5 * share))?;
     for (round, is_turned) in [false, true].into_iter().enumerate() {
-        let progress = &mut |share| progress(0.5 + 0.25 * (round as f32 + share));
+        let progress = &mut |share| progress(0.5 + 0.2 * (round as f32 + share));
         scored.extend(search.around(&scored, is_turned, progress)?);
     }
     let lifted = scored.len();
     let reliable: Vec<_> =
         scored.into_iter().filter(|found| found.again >= config.least_lifted).collect();
-    let reach = reach(robot, object, &reliable);
+    let (grasps, confirmed) = search.confirmed_kinds(&reliable, &mut |share| {
+        progress(0.9 + 0.1 * share);
+    })?;
     let set = GraspSet {
-        grasps: kind::kinds(object, &reliable, &reach, config.kinds),
-        proposed: config.proposals,
+        grasps,
+        proposed: search.proposed,
         closed: search.closed,
         tried: search.tried,
         lifted,
         reliable: reliable.len(),
+        confirmed,
     };
     Ok((set, reliable))
 }
@@ -146,17 +154,23 @@ impl Search<'_> {
     ) -> Result<Vec<Scored>, SceneError> {
         let config = self.config;
         let mut found = Vec::new();
-        for i in 0..config.proposals {
+        while self.proposed < config.proposals && found.len() < config.closings {
             let palm = proposal::draw_palm(self.object, &config.proposal, &mut self.rng);
             found.extend(self.close(palm));
-            if i % 256 == 0 {
-                progress(0.5 * i as f32 / config.proposals as f32);
+            self.proposed += 1;
+            if self.proposed.is_multiple_of(256) {
+                let share = found.len() as f32 / config.closings as f32;
+                progress(0.5 * share.max(self.proposed as f32 / config.proposals as f32));
             }
         }
-        found.sort_by(|a, b| b.1.reserve.total_cmp(&a.1.reserve));
-        found.truncate(config.trials);
+        // What serves more poses comes first, if it is about as strong.
+        let worth = |(grasp, squeeze): (Grasp, Squeeze)| {
+            (squeeze.reserve.min(ENOUGH_RESERVE) * self.served(&grasp) as f64, grasp)
+        };
+        let mut found: Vec<_> = found.into_iter().map(worth).collect();
+        found.sort_by(|a, b| b.0.total_cmp(&a.0));
         let mut scored = Vec::new();
-        for (i, (grasp, _)) in found.iter().enumerate() {
+        for (i, (_, grasp)) in found.iter().enumerate() {
             progress(0.5 + 0.5 * i as f32 / found.len() as f32);
             scored.extend(self.scored(grasp)?);
             let reliable = scored.iter().filter(|found| found.again >= config.least_lifted);
@@ -176,7 +190,9 @@ impl Search<'_> {
     ) -> Result<Vec<Scored>, SceneError> {
         let config = self.config;
         let mut best: Vec<&Scored> = scored.iter().collect();
-        best.sort_by_key(|found| std::cmp::Reverse(found.again));
+        best.sort_by_cached_key(|found| {
+            std::cmp::Reverse(found.worth() * self.served(&found.grasp))
+        });
         best.truncate(3 * config.centers);
         let poses: Vec<_> = best.iter().map(|found| found.grasp.object_from_palm).collect();
         let mut centers: Vec<Isometry> = cluster::medoids(poses.len(), config.centers, |a, b| {
@@ -206,112 +222,100 @@ impl Search<'_> {
         Ok(scored)
     }
 
+    /// Object poses, of a fifth of those at which reach is counted, at which a grasp is within reach.
+    fn served(&self, grasp: &Grasp) -> usize {
+        let few: Vec<_> = reach_poses(self.robot).into_iter().step_by(5).collect();
+        reach(self.robot, self.object, &few, grasp)
+            .into_iter()
+            .filter(|is_within| *is_within)
+            .count()
+    }
+
     /// The grasp that closing at a palm pose gives.
     fn close(&mut self, palm: Isometry) -> Option<(Grasp, Squeeze)> {
-        let (tree, solids) = (&self.robot.tree, &self.robot.solids);
-        let (config, rng) = (&self.config.proposal, &mut self.rng);
-        let found = propose(tree, solids, self.object, &self.table, config, palm, rng).ok();
+        let config = &self.config.proposal;
+        let found = propose(self.robot, &self.subject, config, palm, &mut self.rng).ok();
         self.closed += usize::from(found.is_some());
         found
     }
 
-    /// The grasp, if it lifts where it is easiest to reach, and how many of the perturbed repeats lifted
-    /// too; these end where more than half are lost.
+    /// The grasp, if it lifts where it is easiest to reach, how many of the perturbed repeats lifted too, and
+    /// how it bears shaking; this ends where too many are lost.
     fn scored(&mut self, grasp: &Grasp) -> Result<Option<Scored>, SceneError> {
-        let (robot, object, config) = (self.robot, self.object, self.config);
-        let Some(yaw) = easiest_yaw(robot, object, grasp) else { return Ok(None) };
+        let planned = Planned::easiest(self.robot, self.object, grasp)?;
+        let Some(planned) = planned else { return Ok(None) };
         self.tried += 1;
-        if !lifts(robot, object, grasp, yaw, None)? {
+        let mut found = Scored { grasp: grasp.clone(), again: 0, shaken: None };
+        let still = [0.0; 3];
+        if !self.lifts(Physics::Hand, &planned, still, Endurance::BRIEF)? {
             return Ok(None);
         }
+        let config = self.config;
         let mut lost = 0;
         for beside in &self.beside {
-            lost += usize::from(!lifts(robot, object, grasp, yaw, Some(*beside))?);
-            if 2 * lost > config.repeats {
-                return Ok(Some(Scored { grasp: grasp.clone(), again: 0 }));
+            let lifts = self.lifts(Physics::Hand, &planned, *beside, Endurance::BRIEF)?;
+            lost += usize::from(!lifts);
+            if lost + config.least_lifted > config.repeats {
+                return Ok(Some(found));
             }
         }
-        Ok(Some(Scored { grasp: grasp.clone(), again: config.repeats - lost }))
+        found.again = config.repeats - lost;
+        if let TrialOutcome::Lifted { slip } = planned.try_beside(Physics::Hand, still, SHAKEN)? {
+            found.shaken = Some(slip);
+        }
+        Ok(Some(found))
     }
-}
 
-/// Object poses at which the reach of a kind is counted.
-pub const REACH_POSES: usize = 200;
-
-/// The object poses at which reach is counted.
-fn reach_poses(robot: &Robot) -> Vec<Pose> {
-    // A generator of its own: attempts are numbered by their seeds, and none of them is looked at here.
-    let mut rng = ChaCha8Rng::from_seed(*b"where a kind of grasp is in reac");
-    (0..REACH_POSES)
-        .map(|_| random_pose(robot, &mut rng))
-        .map(|[x, y, yaw]| robot.config.upright(x, y, yaw))
-        .collect()
-}
-
-/// For each kind of a set the number of object poses, of [`REACH_POSES`], at which it is the first one
-/// within reach.
-pub fn poses_served(robot: &Robot, object: &Object, grasps: &[Grasp]) -> Vec<usize> {
-    let mut served = vec![0; grasps.iter().map(|grasp| grasp.kind + 1).max().unwrap_or(0)];
-    for pose in reach_poses(robot) {
-        if let Some((first, _)) = robot.options(grasps, object, &pose).first() {
-            served[grasps[*first].kind] += 1;
+    /// The kinds of the reliable grasps, each of which arm and hand lift too, and how many have been tried so:
+    /// those that are not lifted are left out, and the kinds chosen anew.
+    fn confirmed_kinds(
+        &self,
+        reliable: &[Scored],
+        progress: &mut dyn FnMut(f32),
+    ) -> Result<(Vec<Grasp>, [usize; 2]), SceneError> {
+        let mut left = reliable.to_vec();
+        let poses = reach_poses(self.robot);
+        let of = |found: &Scored| reach(self.robot, self.object, &poses, &found.grasp);
+        let mut reach: Vec<_> = left.iter().map(of).collect();
+        let (mut sound, mut tried) = (Vec::new(), 0);
+        loop {
+            let chosen = kind::kinds(self.object, &left, &reach, self.config.kinds);
+            let place = |grasp: &Grasp| grasp.object_from_palm;
+            let new = chosen.iter().find(|grasp| !sound.contains(&place(grasp)));
+            let Some(new) = new else { return Ok((chosen, [tried, sound.len()])) };
+            progress(sound.len() as f32 / chosen.len() as f32);
+            tried += 1;
+            if self.is_confirmed(new)? {
+                sound.push(place(new));
+            } else if let Some(i) = left.iter().position(|found| place(&found.grasp) == place(new))
+            {
+                left.remove(i);
+                reach.remove(i);
+            }
         }
     }
-    served
-}
 
-/// Whether each grasp is in reach at each of a number of object poses.
-fn reach(robot: &Robot, object: &Object, found: &[Scored]) -> Vec<Vec<bool>> {
-    let poses = reach_poses(robot);
-    let within = |grasp: &Grasp, pose| robot.reach(grasp, object, pose).is_some();
-    let row = |found: &Scored| poses.iter().map(|pose| within(&found.grasp, pose)).collect();
-    found.iter().map(row).collect()
-}
-
-/// Where trials take place: the middle of the workspace.
-pub(crate) fn middle(robot: &Robot) -> (f32, f32) {
-    let [x, y] = [robot.config.workspace.x, robot.config.workspace.y];
-    (0.5 * (x[0] + x[1]), 0.5 * (y[0] + y[1]))
-}
-
-/// The yaw, of twelve, at which the arm is nearest to its nominal posture.
-pub fn easiest_yaw(robot: &Robot, object: &Object, grasp: &Grasp) -> Option<f32> {
-    let (x, y) = middle(robot);
-    let mut best: Option<(f64, f32)> = None;
-    for step in 0..12 {
-        let yaw = step as f32 * (std::f32::consts::TAU / 12.0);
-        let pose = robot.config.upright(x, y, yaw);
-        let Some(posture) = robot.reach(grasp, object, &pose) else { continue };
-        let distance = (posture.open - robot.nominal).norm();
-        if best.is_none_or(|(least, _)| distance < least) {
-            best = Some((distance, yaw));
+    fn is_confirmed(&self, grasp: &Grasp) -> Result<bool, SceneError> {
+        match Planned::easiest(self.robot, self.object, grasp)? {
+            Some(planned) => self.lifts(Physics::Full, &planned, [0.0; 3], Endurance::BRIEF),
+            None => Ok(false),
         }
     }
-    best.map(|(_, yaw)| yaw)
+
+    fn lifts(
+        &self,
+        physics: Physics,
+        planned: &Planned,
+        beside: [f32; 3],
+        endurance: Endurance,
+    ) -> Result<bool, SceneError> {
+        let outcome = planned.try_beside(physics, beside, endurance)?;
+        Ok(matches!(outcome, TrialOutcome::Lifted { slip } if slip <= self.config.slip))
+    }
 }
 
-/// Whether a grasp planned for the object in the middle lifts it there, or `[x, y, yaw]` beside it.
-pub fn lifts(
-    robot: &Robot,
-    object: &Object,
-    grasp: &Grasp,
-    yaw: f32,
-    beside: Option<[f32; 3]>,
-) -> Result<bool, SceneError> {
-    let (x, y) = middle(robot);
-    let Some(posture) = robot.reach(grasp, object, &robot.config.upright(x, y, yaw)) else {
-        return Ok(false);
-    };
-    let [dx, dy, dyaw] = beside.unwrap_or_default();
-    let pose = robot.config.upright(x + dx, y + dy, yaw + dyaw);
-    let (config, tree) = (&robot.config, &robot.tree);
-    let outcome = trial::try_grasp(config, tree, object, &pose, &posture, trial::HOLD_SECONDS)?;
-    Ok(matches!(outcome, TrialOutcome::Lifted { .. }))
-}
+/// A short hold, then shaken.
+const SHAKEN: Endurance = Endurance { is_shaken: true, ..Endurance::BRIEF };
 
-/// Draws a pose of the object uniformly over the workspace.
-pub fn random_pose(robot: &Robot, rng: &mut impl Rng) -> [f32; 3] {
-    let [x, y] = [robot.config.workspace.x, robot.config.workspace.y];
-    let pi = std::f32::consts::PI;
-    [rng.random_range(x[0]..x[1]), rng.random_range(y[0]..y[1]), rng.random_range(-pi..pi)]
-}
+/// A squeeze with so many times the needed forces is strong enough.
+const ENOUGH_RESERVE: f64 = 2.0;

@@ -1,14 +1,13 @@
-//! The trial of a grasp in physics: close, squeeze, lift, hold.
+//! The trial of a grasp in physics: close, squeeze, lift, hold, shake.
 
-use crate::grasp::{Posture, object_solids};
+use crate::Setting;
+use crate::grasp::Posture;
 use fabrics::planner::{self, PlannerConfig};
 use fabrics::terms::repulsion::Obstacle;
 use fabrics::{Fabric, FabricConfig, Goal};
-use geometry::Pose;
-use geometry::object::Object;
-use robot::{ARM, DOF, JointState, JointVector, Tree};
+use robot::{ARM, JointState, JointVector, Tree};
 use scene::config::CONTROL_PERIOD;
-use scene::{Hold, Loss, Scene, SceneConfig, SceneError};
+use scene::{HandScene, Hold, Loss, Scene, SceneConfig, SceneError, Simulation};
 
 /// What became of a trial.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -40,65 +39,134 @@ pub fn straight(from: &JointVector, to: &JointVector, count: usize) -> Vec<Joint
     rows
 }
 
-/// Hold (s) of a search's trials and of replays, shorter than the protocol's: what slips at all slips
-/// within the first half second.
-pub const HOLD_SECONDS: f64 = 0.5;
-
-/// Tries a grasp in the full scene: fingers close in 16 rows and squeeze in 10, hold for 0.3 s, the
-/// arm lifts by fabric and holds. `hold_seconds` may be shorter than the protocol's.
-pub fn try_grasp(
-    config: &SceneConfig,
-    tree: &Tree,
-    object: &Object,
-    world_from_object: &Pose,
-    posture: &Posture,
-    hold_seconds: f64,
-) -> Result<TrialOutcome, SceneError> {
-    let mut scene = Scene::new(config, tree, object, world_from_object, &posture.open)?;
-    let mut state = JointState::at_rest(posture.open);
-    let follow = |scene: &mut Scene, state: &mut JointState, rows: &[JointVector]| {
-        for qdd in rows {
-            let next = robot::integrator::step(state, qdd, CONTROL_PERIOD);
-            scene.follow(state, &next);
-            *state = next;
-        }
-    };
-    follow(&mut scene, &mut state, &straight(&posture.open, &posture.touch, 16));
-    follow(&mut scene, &mut state, &straight(&posture.touch, &posture.squeeze, 10));
-    state = JointState::at_rest(posture.squeeze);
-    follow(&mut scene, &mut state, &vec![JointVector::zeros(); ticks(0.3)]);
-    lift_and_hold(config, tree, &mut scene, &state, hold_seconds)
+/// Which world a trial takes place in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Physics {
+    /// The hand alone: several times as fast.
+    Hand,
+    /// Arm and hand.
+    Full,
 }
 
-/// Lifts what the hand holds by fabric, fingers kept as commanded, and judges it while it is held.
-pub fn lift_and_hold(
-    config: &SceneConfig,
-    tree: &Tree,
-    scene: &mut Scene,
-    state: &JointState,
-    hold_seconds: f64,
+/// What a grasp has to bear once the object is in the air.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Endurance {
+    /// How long it is held still (s).
+    pub hold_seconds: f64,
+    /// Whether the arm then swings it, sideways and up and down.
+    pub is_shaken: bool,
+}
+
+impl Endurance {
+    /// For many trials: what slips at all slips within the first half second.
+    pub const BRIEF: Self = Self { hold_seconds: 0.5, is_shaken: false };
+    /// As long as the protocol's attempt, and shaken.
+    pub const FULL: Self = Self { hold_seconds: 2.0, is_shaken: true };
+}
+
+/// Tries a grasp: fingers close in 16 rows and squeeze in 10, hold for 0.3 s, and the arm goes along `lift`.
+pub fn try_grasp(
+    physics: Physics,
+    setting: &Setting,
+    posture: &Posture,
+    lift: &[JointState],
+    endurance: Endurance,
 ) -> Result<TrialOutcome, SceneError> {
-    let mut hold = Hold::begin(scene);
-    let Some(plan) = plan_lift(config, tree, state)? else { return Ok(TrialOutcome::NotFinite) };
-    for pair in plan.windows(2) {
-        scene.follow(&pair[0], &pair[1]);
-        hold.observe(scene);
-        if hold.slip > 3.0 * config.attempt.held_distance {
-            return Ok(TrialOutcome::Lost(Loss::Slipped));
+    let mut state = JointState::at_rest(posture.open);
+    let mut states = vec![state];
+    let closing = straight(&posture.open, &posture.touch, 16);
+    for qdd in closing.iter().chain(&straight(&posture.touch, &posture.squeeze, 10)) {
+        state = robot::integrator::step(&state, qdd, CONTROL_PERIOD);
+        states.push(state);
+    }
+    let pressing = JointState::at_rest(posture.squeeze);
+    states.extend(std::iter::repeat_n(pressing, 1 + ticks(0.3)));
+    let motion = Motion { states: &states, grasp: posture.touch, lift };
+    motion.play(physics, setting, endurance)
+}
+
+/// A grasp and a lift to be played in physics.
+pub struct Motion<'a> {
+    /// Into the grasp, a control period apart.
+    pub states: &'a [JointState],
+    /// The posture in which the palm is where it grasps.
+    pub grasp: JointVector,
+    /// The lift; see [`plan_lift`].
+    pub lift: &'a [JointState],
+}
+
+impl Motion<'_> {
+    /// Plays and judges it.
+    pub fn play(
+        &self,
+        physics: Physics,
+        setting: &Setting,
+        endurance: Endurance,
+    ) -> Result<TrialOutcome, SceneError> {
+        let (config, tree) = (&setting.robot.config, &setting.robot.tree);
+        let (object, place, start) = (setting.object, &setting.world_from_object, &self.states[0]);
+        match physics {
+            Physics::Hand => {
+                let mut scene = HandScene::new(config, tree, object, place, start, &self.grasp)?;
+                Ok(self.play_in(&mut scene, config, endurance))
+            }
+            Physics::Full => {
+                let mut scene = Scene::new(config, tree, object, place, &start.q)?;
+                Ok(self.play_in(&mut scene, config, endurance))
+            }
         }
     }
-    let top = plan[plan.len() - 1];
-    for _ in 0..ticks(hold_seconds) {
-        scene.follow(&top, &top);
-        hold.observe(scene);
-        if let Some(loss) = hold.loss(scene, &config.attempt) {
-            return Ok(TrialOutcome::Lost(loss));
+
+    fn play_in(
+        &self,
+        scene: &mut impl Simulation,
+        config: &SceneConfig,
+        endurance: Endurance,
+    ) -> TrialOutcome {
+        for pair in self.states.windows(2) {
+            scene.follow(&pair[0], &pair[1]);
+        }
+        let mut hold = Hold::begin(scene);
+        for pair in self.lift.windows(2) {
+            scene.follow(&pair[0], &pair[1]);
+            hold.observe(scene);
+            if hold.slip > config.attempt.held_distance {
+                return TrialOutcome::Lost(Loss::Slipped);
+            }
+        }
+        let top = self.lift[self.lift.len() - 1];
+        let mut rows = vec![top; 1 + ticks(endurance.hold_seconds)];
+        if endurance.is_shaken {
+            rows.extend(SWINGS.iter().flat_map(|&(joint, angle)| swing(&top, joint, angle)));
+        }
+        for pair in rows.windows(2) {
+            scene.follow(&pair[0], &pair[1]);
+            hold.observe(scene);
+            if let Some(loss) = hold.loss(scene, &config.attempt) {
+                return TrialOutcome::Lost(loss);
+            }
+        }
+        if scene.is_finite() {
+            TrialOutcome::Lifted { slip: hold.slip }
+        } else {
+            TrialOutcome::NotFinite
         }
     }
-    if !scene.is_finite() {
-        return Ok(TrialOutcome::NotFinite);
-    }
-    Ok(TrialOutcome::Lifted { slip: hold.slip })
+}
+
+/// Arm joints that shake what the hand holds, and half of the angle (rad) by which they swing: the first one
+/// sideways, the second one up.
+const SWINGS: [(usize, f64); 2] = [(0, 0.05), (1, -0.05)];
+
+/// A second of states in which one joint swings out and back: at a palm 0.6 m away by 6 cm with up to 1.2 m/s².
+fn swing(top: &JointState, joint: usize, angle: f64) -> impl Iterator<Item = JointState> {
+    (1..=ticks(1.0)).map(move |tick| {
+        let (sin, cos) = libm::sincos(std::f64::consts::TAU * tick as f64 * CONTROL_PERIOD);
+        let mut state = *top;
+        state.q[joint] += angle * (1.0 - cos);
+        state.qd[joint] = angle * std::f64::consts::TAU * sin;
+        state
+    })
 }
 
 /// The lift: a fabric pulls the palm straight up by the protocol's height for three seconds at most,
@@ -126,19 +194,4 @@ pub fn plan_lift(
     let mut rows: Vec<JointState> = plan.states.iter().map(keep_fingers).collect();
     rows.push(JointState::at_rest(rows[rows.len() - 1].q));
     Ok(Some(rows))
-}
-
-/// Least gap (m) of the robot in `q` from the table and from the object.
-pub fn clearance(
-    config: &SceneConfig,
-    tree: &Tree,
-    robot: &robot::solids::RobotSolids,
-    object: &Object,
-    world_from_object: &Pose,
-    q: &JointVector,
-) -> f32 {
-    let mut solids = object_solids(object, world_from_object);
-    solids.push(crate::grasp::table_solid(config));
-    let kinematics = tree.kinematics(q);
-    (3..=DOF).map(|body| robot.gap(&kinematics, body, &solids, 0.05)).fold(0.05, f32::min)
 }

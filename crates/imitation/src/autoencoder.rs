@@ -1,12 +1,12 @@
 //! Training the autoencoder: Chamfer distance plus the squared norm of z (paper §III-D).
 
-use crate::dataset::{Dataset, flat};
 use crate::nn::adam::{AdamW, schedule};
 use crate::nn::chamfer::Chamfer;
 use crate::nn::{Params, autoencoder as twin};
 use crate::shards::{Gradient, differentiate};
-use crate::store;
 use anyhow::{Result, bail};
+use dataset::Dataset;
+use dataset::store;
 use nalgebra::DMatrix;
 use policy::Whitening;
 use policy::encoder::LATENT;
@@ -108,7 +108,7 @@ fn loss(params: &Params, clouds: &[&[f32]], config: &AutoencoderConfig) -> Resul
 /// A cloud turned to the front, and its bearing (rad).
 pub fn to_front(cloud: &[f32]) -> (f64, Vec<f32>) {
     let (bearing, front) = policy::encoding::to_front(&twin::points(cloud));
-    (bearing, flat(&front))
+    (bearing, front.iter().flat_map(|p| p.to_array()).collect())
 }
 
 /// z of clouds that have been turned to the front, not standardised.

@@ -2,8 +2,8 @@
 
 use crate::nn::Params;
 use crate::nn::adam::AdamW;
-use crate::store;
 use anyhow::{Context, Result, bail};
+use dataset::store;
 use safetensors::SafeTensors;
 use serde_json::{Value, json};
 use std::collections::BTreeSet;

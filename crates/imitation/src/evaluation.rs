@@ -3,7 +3,6 @@
 use anyhow::Result;
 use geometry::object::Object;
 use rayon::prelude::*;
-use rollout::workcell::object_hash;
 use rollout::{Attempt, Controller, Verdict, Workcell};
 use std::collections::BTreeMap;
 
@@ -86,7 +85,7 @@ pub fn evaluate(
         failures,
         seed,
         scene_hash: scene::config::scene_hash(),
-        object_hash: object_hash(object),
+        object_hash: object.hash(),
         model_hash: None,
         rows,
     })

@@ -1,15 +1,12 @@
-//! Learning by imitation: dataset, surrogate expert, differentiable networks, DAgger.
+//! Learning by imitation: surrogate expert, differentiable networks, DAgger.
 //!
 //! Offline: candle trains here, and the networks that run elsewhere are held to these by tests.
 
 pub mod autoencoder;
 pub mod checkpoint;
 pub mod dagger;
-pub mod dataset;
 pub mod evaluation;
 pub mod expert;
 pub mod nn;
-pub mod poses;
 pub mod shards;
-pub mod store;
 pub mod training;

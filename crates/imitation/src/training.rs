@@ -2,11 +2,11 @@
 
 use crate::autoencoder::{encode_all, to_front};
 use crate::dagger::{DaggerConfig, Lesson};
-use crate::dataset::Dataset;
 use crate::expert::Demonstrations;
 use crate::nn::{Params, autoencoder as twin};
-use crate::store;
 use anyhow::{Context, Result};
+use dataset::Dataset;
+use dataset::store;
 use policy::encoder::LATENT;
 use policy::model::{ModelConfig, VERSION};
 use policy::weights::Tensors;
@@ -71,13 +71,8 @@ impl TrainedEncoder {
 /// The lessons of a dataset: those to learn from, and those held out.
 pub fn lessons(dataset: &Dataset, encoder: &TrainedEncoder) -> Result<(Vec<Lesson>, Vec<Lesson>)> {
     let (mut taught, mut held_out) = (Vec::new(), Vec::new());
-    for (object, name) in dataset.config.objects.iter().enumerate() {
-        for index in 0..dataset.config.poses {
-            // A dataset in the making is learned from as far as it goes.
-            if !dataset.has_pose(name, index) {
-                continue;
-            }
-            let record = dataset.pose(name, index)?;
+    for object in 0..dataset.config.objects.len() {
+        for (index, record) in dataset.poses(object)?.into_iter().enumerate() {
             if record.offsets.len() < 2 {
                 continue;
             }

@@ -1,9 +1,9 @@
 //! `ngf bench`: milliseconds of what runs in an attempt, on this machine.
 
 use anyhow::{Context, Result};
+use dataset::store;
 use geometry::object::Object;
 use imitation::nn::{Params, autoencoder, ngf};
-use imitation::store;
 use policy::ngf::NgfConfig;
 use policy::weights::Tensors;
 use policy::{Encoder, Ngf, Whitening};

@@ -1,8 +1,8 @@
 //! The card of a model: what trained it, and how well it does, kept as `card.json` beside its weights.
 
 use anyhow::{Context, Result};
+use dataset::store;
 use imitation::evaluation::Report;
-use imitation::store;
 use serde_json::{Map, Value, json};
 use std::path::Path;
 

@@ -3,8 +3,8 @@
 use crate::card;
 use crate::objects::ObjectOptions;
 use anyhow::{Context, Result, bail};
+use dataset::store;
 use imitation::evaluation::{self, Report};
-use imitation::store;
 use indicatif::ProgressBar;
 use rollout::{Controller, Workcell};
 use std::path::{Path, PathBuf};

@@ -1,9 +1,11 @@
 //! The command line of ngf-grasp.
 
+mod bar;
 mod bench;
 mod card;
 mod dataset;
 mod evaluate;
+mod grasps;
 mod objects;
 mod replay;
 mod serve;
@@ -23,9 +25,11 @@ struct Cli {
 enum Command {
     /// Serve the page and the models.
     Serve(serve::Options),
-    /// Search grasps of a built-in object in physics.
-    Grasps(dataset::GraspOptions),
-    /// Make demonstrations and clouds.
+    /// List the built-in objects, or draw them on a contact sheet.
+    Objects(objects::SheetOptions),
+    /// Search grasps of an object in physics.
+    Grasps(grasps::Options),
+    /// Make demonstrations and clouds, or look into a dataset.
     Dataset(dataset::Options),
     /// Train encoder and policy.
     #[command(subcommand)]
@@ -41,7 +45,8 @@ enum Command {
 fn main() -> std::process::ExitCode {
     let result = match Cli::parse().command {
         Command::Serve(options) => serve::run(&options),
-        Command::Grasps(options) => dataset::grasps(&options),
+        Command::Objects(options) => objects::run(&options),
+        Command::Grasps(options) => grasps::run(&options),
         Command::Dataset(options) => dataset::run(&options),
         Command::Train(options) => train::run(&options),
         Command::Evaluate(options) => evaluate::run(&options),

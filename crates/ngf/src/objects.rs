@@ -1,10 +1,33 @@
-//! Which object a command works on: a built-in one by name, or a mesh file with its mass.
+//! Objects: a list and a sheet of those that are built in, and which one a command works on.
 
 use anyhow::{Context, Result, bail};
+use geometry::catalog::CATALOG;
 use geometry::mesh;
 use geometry::object::Object;
 use std::io::Read;
 use std::path::{Path, PathBuf};
+
+/// Draws all built-in objects.
+#[derive(clap::Args)]
+pub(crate) struct SheetOptions {
+    /// Where to write the contact sheet (SVG).
+    #[arg(long, value_name = "FILE")]
+    sheet: Option<PathBuf>,
+}
+
+/// Lists the built-in objects, or draws them.
+pub(crate) fn run(options: &SheetOptions) -> Result<()> {
+    if let Some(file) = &options.sheet {
+        let sheet = dataset::report::contact_sheet().map_err(anyhow::Error::msg)?;
+        return dataset::store::write(file, sheet.as_bytes());
+    }
+    for entry in CATALOG {
+        let file = entry.file().map_err(anyhow::Error::msg)?;
+        let use_ = if entry.is_for_training() { "to learn from" } else { "held out" };
+        println!("{:16} {:8} {:5.3} kg  {use_}", entry.name, entry.family, file.mass);
+    }
+    Ok(())
+}
 
 /// The object.
 #[derive(clap::Args)]
@@ -27,10 +50,16 @@ pub(crate) struct ObjectOptions {
 const FRICTION: f32 = 0.8;
 
 impl ObjectOptions {
+    /// Loads the object, if one is named.
+    pub(crate) fn load_any(&self) -> Result<Option<(String, Object)>> {
+        let is_named = self.object.is_some() || self.mesh.is_some();
+        if is_named { self.load().map(Some) } else { Ok(None) }
+    }
+
     /// Loads the object; gives its name too.
     pub(crate) fn load(&self) -> Result<(String, Object)> {
         let (name, object) = match (&self.object, &self.mesh) {
-            (Some(name), None) => (name.clone(), imitation::dataset::built_in(name)?),
+            (Some(name), None) => (name.clone(), dataset::generate::built_in_object(name)?),
             (None, Some(path)) => {
                 let mass = self.mass.context("a mesh needs --mass")?;
                 if !(mass.is_finite() && mass > 0.0) {

@@ -1,7 +1,7 @@
 //! `ngf replay`: a recorded episode through physics again.
 
 use anyhow::{Context, Result, bail};
-use imitation::dataset::built_in;
+use dataset::generate::built_in_object;
 use rollout::{Attempt, Controller, Episode, Verdict, Workcell};
 use std::path::PathBuf;
 
@@ -22,17 +22,17 @@ pub(crate) struct Options {
 pub(crate) fn run(options: &Options) -> Result<()> {
     let workcell = Workcell::new()?;
     if let Some(name) = &options.record {
-        let object = built_in(name)?;
+        let object = built_in_object(name)?;
         let mut attempt =
             Attempt::begin(&workcell, &object, name, None, options.seed, Controller::Planner)?;
         attempt.run(&workcell);
-        imitation::store::write(&options.file, &serde_json::to_vec(&attempt.episode())?)?;
+        dataset::store::write(&options.file, &serde_json::to_vec(&attempt.episode())?)?;
     }
     let bytes = std::fs::read(&options.file)
         .with_context(|| format!("cannot read {}", options.file.display()))?;
     let episode: Episode = serde_json::from_slice(&bytes)
         .with_context(|| format!("{} is not an episode", options.file.display()))?;
-    let object = built_in(&episode.name)?;
+    let object = built_in_object(&episode.name)?;
     let (verdict, hash) = episode.replay(&workcell, &object)?;
     println!("{}", words(verdict));
     println!("{hash}");

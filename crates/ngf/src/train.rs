@@ -2,10 +2,10 @@
 
 use ::policy::model::ModelConfig;
 use anyhow::{Context, Result, bail};
+use dataset::Dataset;
+use dataset::store;
 use imitation::autoencoder::{self, AutoencoderConfig};
 use imitation::dagger::{self, DaggerConfig};
-use imitation::dataset::Dataset;
-use imitation::store;
 use imitation::training::{self, TrainedEncoder};
 use robot::Tree;
 use std::path::{Path, PathBuf};

@@ -3,11 +3,12 @@
 
 use crate::attempt::Controller;
 use crate::verdict::Failure;
-use crate::workcell::{RolloutError, Workcell, built_in_grasps};
+use crate::workcell::{RolloutError, Workcell};
 use geometry::object::Object;
 use geometry::{Pose, Vec3};
+use grasps::built_in::built_in;
 use grasps::demonstration::{self, TrajectoryConfig};
-use grasps::search;
+use grasps::{Setting, place};
 use policy::{Encoding, LATENT};
 use rand_chacha::ChaCha8Rng;
 use robot::{DOF, Isometry, JointState, JointVector, Limits};
@@ -65,12 +66,14 @@ impl Sight<'_> {
     ) -> Result<Result<Approach, Failure>, RolloutError> {
         let (robot, object, place) = (&self.workcell.robot, self.object, &self.world_from_object);
         let unknown = || RolloutError::NoGrasps(self.name.to_owned());
-        let set = built_in_grasps(self.name)?.ok_or_else(unknown)?;
+        let set = built_in(self.name).ok_or_else(unknown)?;
         let config = TrajectoryConfig::standard();
-        for (_, posture) in robot.options(&set.grasps, object, place) {
+        let setting = Setting::new(robot, object, place);
+        for (_, posture) in setting.options(&set.grasps) {
             let palm = robot.tree.kinematics(&posture.touch).palm();
-            let above = demonstration::draw_target(robot, object, place, &palm, rng);
-            let found = demonstration::demonstrate(robot, object, place, &posture, &above, &config);
+            let region = &robot.config.target;
+            let above = demonstration::draw_target(region, &object.bounds, place, &palm, rng);
+            let found = demonstration::demonstrate(&setting, &posture, &above, &config);
             let Ok(found) = found else { continue };
             let mut rows = spline(&self.home, &found.states[0].q, &robot.tree.limits);
             let ticks = rows.len();
@@ -96,7 +99,7 @@ impl Sight<'_> {
         let encoding = match controller {
             Controller::ZeroLatent => Encoding { z: zero(), ..seen },
             Controller::ShuffledLatent => {
-                let [x, y, yaw] = search::random_pose(robot, rng);
+                let [x, y, yaw] = place::random_pose(robot, rng);
                 let other = robot.config.upright(x, y, yaw);
                 let cloud = look(self.workcell, self.object, &other, rng);
                 let z = model.encoder.encode(&cloud).map_or_else(zero, |other| other.z);

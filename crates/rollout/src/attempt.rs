@@ -3,16 +3,16 @@
 use crate::approach::{Sight, look, script};
 use crate::episode::{Episode, row_of};
 use crate::verdict::{Failure, Story, Verdict};
-use crate::workcell::{RolloutError, Workcell, object_hash};
+use crate::workcell::{RolloutError, Workcell};
 use geometry::Vec3;
 use geometry::object::Object;
-use grasps::{Robot, demonstration, search, trial};
+use grasps::{Robot, demonstration, place, trial};
 use policy::Encoding;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use robot::{JointState, JointVector, integrator};
 use scene::config::{CONTROL_PERIOD, scene_hash};
-use scene::{Hold, Scene};
+use scene::{Hold, Scene, Simulation};
 
 /// Who moves the joints between start and lift.
 #[derive(Clone, Debug)]
@@ -89,7 +89,7 @@ pub fn pose_of_seed(robot: &Robot, seed: u64) -> [f32; 3] {
 /// The pose is the first thing that an attempt draws; the rest follows from the same generator.
 fn drawn_pose(robot: &Robot, seed: u64) -> ([f32; 3], ChaCha8Rng) {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    (search::random_pose(robot, &mut rng), rng)
+    (place::random_pose(robot, &mut rng), rng)
 }
 
 impl Attempt {
@@ -108,8 +108,9 @@ impl Attempt {
         let world_from_object = robot.config.upright(pose[0], pose[1], pose[2]);
         let cloud = look(workcell, object, &world_from_object, &mut rng);
         let nominal_palm = robot.tree.kinematics(&robot.nominal_towards(&world_from_object)).palm();
+        let (region, bounds) = (&robot.config.target, &object.bounds);
         let target =
-            demonstration::draw_target(robot, object, &world_from_object, &nominal_palm, &mut rng);
+            demonstration::draw_target(region, bounds, &world_from_object, &nominal_palm, &mut rng);
 
         let home = robot.config.home();
         let mut attempt = Self {
@@ -355,7 +356,7 @@ impl Attempt {
     pub fn episode(&self) -> Episode {
         Episode {
             scene: scene_hash(),
-            object: object_hash(&self.object),
+            object: self.object.hash(),
             name: self.name.clone(),
             pose: self.pose,
             seed: self.seed,

@@ -2,7 +2,7 @@
 
 use crate::attempt::{Attempt, Controller};
 use crate::verdict::Verdict;
-use crate::workcell::{RolloutError, Workcell, object_hash};
+use crate::workcell::{RolloutError, Workcell};
 use geometry::object::Object;
 use robot::{DOF, JointState, JointVector};
 use scene::config::scene_hash;
@@ -65,7 +65,7 @@ impl Episode {
             }
         };
         foreign("scene", scene_hash(), &self.scene)?;
-        foreign("object", object_hash(object), &self.object)?;
+        foreign("object", object.hash(), &self.object)?;
         let targets = self.targets.iter().enumerate().map(state_of).collect::<Result<_, _>>()?;
         let controller =
             Controller::Replay { targets, lift_tick: self.lift_tick, hold_tick: self.hold_tick };

@@ -1,9 +1,8 @@
 //! Is the object held? The verdict's geometry: height, what it touches, how far it slid in the palm.
 
 use crate::config::Protocol;
-use crate::world::{Scene, Touching};
+use crate::simulation::{Simulation, Touching};
 use geometry::{Pose, Vec3};
-use robot::ARM;
 
 /// Follows an object in the hand from the moment when the lift begins.
 #[derive(Clone, Debug)]
@@ -28,12 +27,12 @@ pub enum Loss {
 
 impl Hold {
     /// Takes the object's present place in the palm as the reference.
-    pub fn begin(scene: &Scene) -> Self {
+    pub fn begin(scene: &impl Simulation) -> Self {
         Self { palm_from_object: palm_from_object(scene), slip: 0.0, turn: 0.0 }
     }
 
     /// Updates slip and turn.
-    pub fn observe(&mut self, scene: &Scene) {
+    pub fn observe(&mut self, scene: &impl Simulation) {
         let now = palm_from_object(scene);
         // The object's middle shows both its translation and its rotation about the palm.
         let middle = Vec3::new(0.0, 0.0, 0.5 * scene.object_size().z);
@@ -45,7 +44,7 @@ impl Hold {
     }
 
     /// `None` while the object is held as the protocol wants it.
-    pub fn loss(&self, scene: &Scene, protocol: &Protocol) -> Option<Loss> {
+    pub fn loss(&self, scene: &impl Simulation, protocol: &Protocol) -> Option<Loss> {
         let touching = scene.touching();
         if self.slip > protocol.held_distance || self.turn > protocol.held_angle_deg.to_radians() {
             return Some(Loss::Slipped);
@@ -59,14 +58,14 @@ impl Hold {
 }
 
 /// Pose of the object in the body that carries the palm.
-fn palm_from_object(scene: &Scene) -> Pose {
-    scene.body_pose(ARM).inverse() * scene.object_pose()
+fn palm_from_object(scene: &impl Simulation) -> Pose {
+    scene.palm_pose().inverse() * scene.object_pose()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::SceneConfig;
+    use crate::{Scene, SceneConfig};
     use geometry::object::Object;
     use robot::{JointState, Tree};
 

@@ -132,6 +132,6 @@ impl Params {
             rows.push((name.as_str(), var.dims().to_vec(), var.flatten_all()?.to_vec1::<f32>()?));
         }
         let rows: Vec<_> = rows.iter().map(|(n, s, x)| (*n, s.clone(), x.as_slice())).collect();
-        crate::store::encode(&rows, None)
+        dataset::store::encode(&rows, None)
     }
 }

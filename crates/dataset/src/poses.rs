@@ -1,6 +1,7 @@
 //! Where objects of the data stand, how they are turned about the robot's vertical axis, and where
 //! demonstrations begin.
 
+use geometry::Vec3;
 use geometry::object::Object;
 use grasps::{Robot, demonstration};
 use rand::{Rng, RngExt};
@@ -47,7 +48,7 @@ pub fn draw_turn(robot: &Robot, pose: [f32; 3], rng: &mut impl Rng) -> f32 {
 const MOST_DRAWS: usize = 1000;
 
 /// A pose of the palm above the object (base frame) from which a demonstration begins: with the same `rng` the same
-/// one at every object pose, relative to the object in front, whose yaw counts modulo half a turn.
+/// one at every object pose, relative to the object in front, whatever its yaw.
 ///
 /// *Departure: the paper draws targets anew for each object pose, 256 of them. Of a few, neighbouring
 /// poses would have different ones, and a policy between them nothing that it could learn: where a motion
@@ -55,17 +56,19 @@ const MOST_DRAWS: usize = 1000;
 pub fn common_target(
     robot: &Robot,
     object: &Object,
-    [x, y, yaw]: [f32; 3],
+    [x, y, _]: [f32; 3],
     palm: &Isometry,
     rng: &mut impl Rng,
 ) -> Isometry {
     let bearing = libm::atan2f(y, x);
-    // Boxes and bottles look the same after half a turn; somewhere this has to jump.
-    let yaw = (yaw - bearing).rem_euclid(std::f32::consts::PI);
-    let in_front = robot.config.upright(libm::hypotf(x, y), 0.0, yaw);
+    let in_front = robot.config.upright(libm::hypotf(x, y), 0.0, 0.0);
+    // As wide along and across the bearing as the object is on the average: then the yaw does not matter.
+    let [min, max] = object.bounds;
+    let width = 0.25 * ((max.x - min.x) + (max.y - min.y));
+    let bounds = [Vec3::new(-width, -width, min.z), Vec3::new(width, width, max.z)];
     let to_bearing = rotation::about_vertical(f64::from(bearing));
     let palm = to_bearing.inverse() * palm;
-    to_bearing * demonstration::draw_target(robot, object, &in_front, &palm, rng)
+    to_bearing * demonstration::draw_target(&robot.config.target, &bounds, &in_front, &palm, rng)
 }
 
 #[cfg(test)]
@@ -75,7 +78,7 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
 
     #[test]
-    fn targets_turn_with_the_object_and_do_not_see_a_half_turn() {
+    fn targets_turn_with_the_object_about_the_robot_and_do_not_see_its_yaw() {
         let robot = Robot::standard().unwrap();
         let object = Object::built_in("bleach").unwrap();
         let pose = [0.5, 0.1, 0.3];
@@ -90,7 +93,7 @@ mod tests {
             assert!(apart < 1e-6, "{apart} m off");
             assert!(rotation::angle_between(&found.rotation, &off.rotation) < 1e-6);
         };
-        is_wanted(target([pose[0], pose[1], pose[2] + std::f32::consts::PI], &palm), 0.0);
+        is_wanted(target([pose[0], pose[1], pose[2] + 1.2], &palm), 0.0);
         for turn in [-0.9f32, 0.4] {
             let turned_palm = rotation::about_vertical(f64::from(turn)) * palm;
             is_wanted(target(turned(pose, turn), &turned_palm), f64::from(turn));

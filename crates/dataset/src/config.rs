@@ -1,0 +1,153 @@
+//! What a dataset holds, and the sizes that have names.
+
+use geometry::catalog::{CATALOG, LOOK_ALIKES};
+
+/// Counts the changes of what a configuration makes: 3, Parquet in LeRobot's layout.
+pub const VERSION: u32 = 3;
+
+/// What a dataset holds; this and the program decide its bytes.
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DatasetConfig {
+    /// [`VERSION`] of the program that makes it.
+    pub version: u32,
+    /// Seed of everything.
+    pub seed: u64,
+    /// Objects with demonstrations.
+    pub objects: Vec<String>,
+    /// Poses of each of them on the table (the paper's grid G).
+    pub poses: usize,
+    /// Demonstrations of each pose (the paper's M).
+    pub trajectories: usize,
+    /// Demonstrations of each pose that are replayed with arm and hand and shaken, too, whatever became of
+    /// them with the hand alone.
+    pub audits: usize,
+    /// Kept demonstrations of each pose that are replayed beside their place.
+    pub perturbed: usize,
+    /// Bearings at which each pose is seen: demonstrations are as good when they turn, with the object,
+    /// about the robot's vertical axis.
+    pub turns: usize,
+    /// Noisy clouds at each bearing; one without noise comes with them.
+    pub clouds: usize,
+    /// Objects of the encoder's data.
+    pub encoder_objects: Vec<String>,
+    /// Clouds of each of them.
+    pub encoder_clouds: usize,
+}
+
+/// Names of the presets and what they are for.
+pub const PRESETS: [(&str, &str); 5] = [
+    ("smoke", "less than a minute: the whole way at toy size"),
+    ("small", "minutes: two objects, 24 poses each, 32 demonstrations of each"),
+    ("shipped", "what models/default learned from: 800 poses each, 2 demonstrations of each"),
+    ("paper", "the paper's size: K = 192 object poses, M = 256 demonstrations of each"),
+    ("families", "the training objects of all families, 8 poses each, 64 demonstrations of each"),
+];
+
+/// The objects that the paper's policies learn to grasp.
+const TAUGHT: [&str; 2] = ["sugar_box", "bleach"];
+/// The objects that the paper's encoder sees: the mustard bottle stays unseen.
+const ENCODED: [&str; 4] = ["sugar_box", "bleach", "cracker_box", "soup_can"];
+
+impl DatasetConfig {
+    /// A configuration by its name in [`PRESETS`].
+    pub fn preset(name: &str, seed: u64) -> Option<Self> {
+        let owned = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect();
+        let small = Self {
+            version: VERSION,
+            seed,
+            objects: owned(&TAUGHT),
+            poses: 24,
+            trajectories: 32,
+            audits: 4,
+            perturbed: 1,
+            turns: 4,
+            clouds: 4,
+            encoder_objects: owned(&ENCODED),
+            encoder_clouds: 1000,
+        };
+        Some(match name {
+            "smoke" => Self {
+                objects: owned(&TAUGHT[..1]),
+                poses: 3,
+                trajectories: 4,
+                audits: 1,
+                turns: 2,
+                encoder_objects: owned(&TAUGHT[..1]),
+                encoder_clouds: 150,
+                ..small
+            },
+            "small" => small,
+            "shipped" => Self {
+                poses: 800,
+                trajectories: 2,
+                audits: 0,
+                perturbed: 0,
+                turns: 8,
+                encoder_clouds: 6000,
+                ..small
+            },
+            "paper" => Self {
+                poses: 96,
+                trajectories: 256,
+                audits: 11,
+                perturbed: 3,
+                turns: 8,
+                encoder_clouds: 9000,
+                ..small
+            },
+            "families" => {
+                let taught = CATALOG.iter().filter(|entry| entry.is_for_training());
+                let families: Vec<&str> =
+                    taught.filter(|entry| entry.family != LOOK_ALIKES).map(|e| e.name).collect();
+                Self {
+                    encoder_objects: owned(&[&ENCODED, families.as_slice()].concat()),
+                    objects: owned(&families),
+                    poses: 8,
+                    trajectories: 64,
+                    turns: 8,
+                    encoder_clouds: 700,
+                    ..small
+                }
+            }
+            _ => return None,
+        })
+    }
+
+    /// The same for one other object: demonstrations and the encoder's clouds.
+    pub fn of_object(self, name: &str) -> Self {
+        Self { objects: vec![name.to_owned()], encoder_objects: vec![name.to_owned()], ..self }
+    }
+
+    /// All objects, each once.
+    pub fn all_objects(&self) -> Vec<&str> {
+        let mut names: Vec<&str> = Vec::new();
+        for name in self.objects.iter().chain(&self.encoder_objects) {
+            if !names.contains(&name.as_str()) {
+                names.push(name);
+            }
+        }
+        names
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn presets_have_the_sizes_that_they_are_named_for() {
+        for (name, _) in PRESETS {
+            assert!(DatasetConfig::preset(name, 0).is_some(), "{name}");
+        }
+        assert!(DatasetConfig::preset("huge", 0).is_none());
+        let paper = DatasetConfig::preset("paper", 0).unwrap();
+        assert_eq!((paper.poses * paper.objects.len(), paper.trajectories), (192, 256));
+        assert_eq!(paper.encoder_clouds * paper.encoder_objects.len(), 36_000);
+        assert!(paper.audits * 192 >= 2000 && paper.perturbed * 192 >= 500);
+        assert!(!paper.all_objects().contains(&"mustard"));
+        let families = DatasetConfig::preset("families", 0).unwrap();
+        assert!(families.objects.len() >= 48);
+        assert!(!families.all_objects().contains(&"jam_jar"), "jars are held out");
+    }
+}

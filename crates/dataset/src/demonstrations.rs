@@ -1,0 +1,232 @@
+//! The demonstrations of one object pose: planned, reversed, every one replayed in physics.
+
+use crate::config::DatasetConfig;
+use crate::part::{Attempt, Fate, Part};
+use crate::poses::common_target;
+use anyhow::{Context, Result, ensure};
+use geometry::object::Object;
+use grasps::demonstration::{self, Demonstration, TrajectoryConfig};
+use grasps::trial::{Endurance, Physics, TrialOutcome};
+use grasps::{Grasp, Posture, Setting};
+use rand::{Rng, RngExt};
+use rand_chacha::ChaCha8Rng;
+use robot::{JointState, integrator};
+use scene::config::CONTROL_PERIOD;
+
+/// Attempts without success after which the next grasp is tried.
+const HOPELESS: usize = 3;
+
+/// Attempts at a pose, as many times the demonstrations that are wanted.
+const PATIENCE: usize = 2;
+
+/// Greatest error of Eq. 6 and 7 in a row, before rounding to the disk's precision.
+const ROW_ERROR: f64 = 1e-9;
+
+/// How far an object is off in a perturbed replay: along x and y (m), about the vertical (rad), and the share of
+/// its friction.
+const SHIFT: f32 = 0.002;
+const TURN: f32 = 0.0349;
+const FRICTION: f32 = 0.1;
+
+/// An object with its grasps at one pose.
+pub(crate) struct Post<'a> {
+    pub(crate) config: &'a DatasetConfig,
+    pub(crate) name: &'a str,
+    pub(crate) grasps: &'a [Grasp],
+    pub(crate) setting: Setting<'a>,
+    pub(crate) pose: [f32; 3],
+    /// A generator of its own for what is named by a word and an index.
+    pub(crate) rng: &'a dyn Fn(&str, usize) -> ChaCha8Rng,
+}
+
+impl Post<'_> {
+    /// Adds the attempts with the first grasp that works, and what went before, to `part`.
+    pub(crate) fn demonstrate(&self, part: &mut Part) -> Result<()> {
+        part.offsets.push(0);
+        for (grasp, posture) in self.setting.options(self.grasps) {
+            if self.try_posture(grasp, &posture, part)? > 0 {
+                part.jump = self.jump(grasp, &posture);
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    /// Demonstrations of one posture; gives up on one that does not work at once. Gives the number kept.
+    fn try_posture(&self, grasp: usize, posture: &Posture, part: &mut Part) -> Result<usize> {
+        let robot = self.setting.robot;
+        let Some(lift) = demonstration::lift_of(&self.setting, posture)? else { return Ok(0) };
+        let palm = robot.tree.kinematics(&posture.touch).palm();
+        let trajectories = TrajectoryConfig::standard();
+        let (mut kept, mut replayed) = (0, 0);
+        for target in 0..PATIENCE * self.config.trajectories {
+            if kept == self.config.trajectories || (kept == 0 && target == HOPELESS) {
+                break;
+            }
+            // The same beginnings at every pose of the object.
+            let mut rng = (self.rng)("target", target);
+            let object = self.setting.object;
+            let above = common_target(robot, object, self.pose, &palm, &mut rng);
+            let planned = demonstration::demonstrate(&self.setting, posture, &above, &trajectories);
+            let mut attempt = Attempt::planned(target, grasp, planned.as_ref());
+            if let Ok(found) = planned {
+                check_rows(&found).with_context(|| format!("{} at {:?}", self.name, self.pose))?;
+                let brief = Endurance::BRIEF;
+                let outcome = found.replay(Physics::Hand, &self.setting, &lift, brief)?;
+                attempt.fate = Fate::of_outcome(outcome);
+                if let TrialOutcome::Lifted { slip } = outcome {
+                    attempt.slip = slip;
+                }
+                replayed += 1;
+                if replayed <= self.config.audits {
+                    self.audit(&found, &lift, &mut attempt)?;
+                }
+                if attempt.fate == Fate::Kept {
+                    kept += 1;
+                    part.push(&found);
+                    if kept <= self.config.perturbed {
+                        attempt.perturbed = Some(self.perturbed(&found, &lift, &mut rng)?);
+                    }
+                }
+            }
+            part.attempts.push(attempt);
+        }
+        Ok(kept)
+    }
+
+    /// Replays with arm and hand, briefly and as long as the protocol.
+    fn audit(
+        &self,
+        found: &Demonstration,
+        lift: &[JointState],
+        attempt: &mut Attempt,
+    ) -> Result<()> {
+        let fate = |endurance| -> Result<Fate> {
+            let outcome = found.replay(Physics::Full, &self.setting, lift, endurance)?;
+            Ok(Fate::of_outcome(outcome))
+        };
+        let endured = fate(Endurance::FULL)?;
+        // What bears the long trial has passed the short one on the way.
+        let full = if endured == Fate::Kept { endured } else { fate(Endurance::BRIEF)? };
+        (attempt.endured, attempt.full) = (Some(endured), Some(full));
+        Ok(())
+    }
+
+    /// Replays with arm and hand while the object stands a little beside its place and is a little smoother or
+    /// rougher.
+    fn perturbed(
+        &self,
+        found: &Demonstration,
+        lift: &[JointState],
+        rng: &mut impl Rng,
+    ) -> Result<Fate> {
+        let Setting { robot, object, .. } = self.setting;
+        let mut draw = |most: f32| rng.random_range(-most..=most);
+        let [x, y, yaw] = self.pose;
+        let here = robot.config.upright(x + draw(SHIFT), y + draw(SHIFT), yaw + draw(TURN));
+        let friction = object.friction * (1.0 + draw(FRICTION));
+        let object: Object = object.clone().with_friction(friction);
+        let setting = Setting { object: &object, ..self.setting.elsewhere(&here) };
+        let outcome = found.replay(Physics::Full, &setting, lift, Endurance::BRIEF)?;
+        Ok(Fate::of_outcome(outcome))
+    }
+
+    /// Greatest difference (rad) of a joint between this posture and that for the object a little beside.
+    fn jump(&self, grasp: usize, posture: &Posture) -> f32 {
+        let [x, y, yaw] = self.pose;
+        let config = &self.setting.robot.config;
+        let beside = [[x + 0.02, y, yaw], [x, y + 0.02, yaw], [x, y, yaw + 0.1]];
+        let postures = beside.iter().filter_map(|&[x, y, yaw]| {
+            self.setting.elsewhere(&config.upright(x, y, yaw)).reach(&self.grasps[grasp])
+        });
+        postures.map(|other| (other.touch - posture.touch).amax() as f32).fold(0.0, f32::max)
+    }
+}
+
+impl Attempt {
+    fn planned(
+        target: usize,
+        grasp: usize,
+        planned: Result<&Demonstration, &demonstration::Flaw>,
+    ) -> Self {
+        let none = Self {
+            target,
+            grasp,
+            fate: Fate::Stuck,
+            full: None,
+            endured: None,
+            perturbed: None,
+            rows: 0,
+            touch: 0,
+            restarts: 0,
+            clearance: 0.0,
+            jerk: 0.0,
+            slip: 0.0,
+        };
+        match planned {
+            Err(flaw) => Self { fate: Fate::of_flaw(*flaw), ..none },
+            Ok(found) => Self {
+                rows: found.accelerations.len(),
+                touch: found.touch,
+                restarts: found.restarts,
+                clearance: found.clearance,
+                jerk: jerk(found),
+                ..none
+            },
+        }
+    }
+}
+
+/// Root mean square of the joint jerk (rad/s³) before `touch`.
+fn jerk(found: &Demonstration) -> f32 {
+    let pairs = found.accelerations[..found.touch].windows(2);
+    let sum: f64 = pairs.clone().map(|pair| (pair[1] - pair[0]).norm_squared()).sum();
+    (libm::sqrt(sum / pairs.len().max(1) as f64) / CONTROL_PERIOD) as f32
+}
+
+/// Every row satisfies Eq. 6 and 7.
+fn check_rows(found: &Demonstration) -> Result<()> {
+    for (row, (pair, qdd)) in found.states.windows(2).zip(&found.accelerations).enumerate() {
+        let next = integrator::step(&pair[0], qdd, CONTROL_PERIOD);
+        let error = (next.q - pair[1].q).amax().max((next.qd - pair[1].qd).amax());
+        ensure!(error < ROW_ERROR, "row {row} is off Eq. 6 and 7 by {error}");
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use robot::JointVector;
+
+    #[test]
+    fn a_row_that_breaks_eq6_is_found() {
+        let state = JointState::at_rest(JointVector::from_element(0.1));
+        let qdd = JointVector::from_element(2.0);
+        let mut found = Demonstration {
+            states: vec![state, integrator::step(&state, &qdd, CONTROL_PERIOD)],
+            accelerations: vec![qdd],
+            touch: 1,
+            clearance: 0.0,
+            restarts: 0,
+        };
+        check_rows(&found).unwrap();
+        found.states[1].q[3] += 1e-8;
+        assert!(check_rows(&found).unwrap_err().to_string().contains("row 0 is off"));
+    }
+
+    #[test]
+    fn a_steady_push_has_no_jerk_and_a_swaying_one_has() {
+        let found = |sign: fn(usize) -> f64| Demonstration {
+            states: vec![],
+            accelerations: (0..4).map(|i| JointVector::from_element(sign(i))).collect(),
+            touch: 4,
+            clearance: 0.0,
+            restarts: 0,
+        };
+        assert_eq!(jerk(&found(|_| 1.0)), 0.0);
+        let wanted = 2.0 * libm::sqrt(23.0) * 30.0;
+        let got = f64::from(jerk(&found(|i| if i % 2 == 0 { 1.0 } else { -1.0 })));
+        assert!((got - wanted).abs() < 1e-3, "{got}, wanted {wanted}");
+    }
+}

@@ -1,0 +1,194 @@
+//! Parquet files of a few kinds of columns, the same bytes for the same values.
+
+use crate::store;
+use anyhow::{Context, Result};
+use arrow_array::cast::AsArray;
+use arrow_array::types::Float32Type;
+use arrow_array::{
+    ArrayRef, BooleanArray, FixedSizeListArray, Float32Array, Int64Array, ListArray, RecordBatch,
+    StringArray,
+};
+use arrow_schema::{DataType, Field, Schema};
+use parquet::arrow::ArrowWriter;
+use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
+use parquet::basic::{Compression, Encoding, ZstdLevel};
+use parquet::file::metadata::KeyValue;
+use parquet::file::properties::{EnabledStatistics, WriterProperties};
+use parquet::schema::types::ColumnPath;
+use std::fs::File;
+use std::path::Path;
+use std::sync::Arc;
+
+/// The values of a column.
+pub(crate) enum Column {
+    Floats(Vec<f32>),
+    /// Vectors of a fixed length.
+    Vectors(Vec<f32>, usize),
+    Integers(Vec<i64>),
+    Flags(Vec<Option<bool>>),
+    Texts(Vec<String>),
+    /// Lists of one text each.
+    OneText(Vec<String>),
+}
+
+/// Name and values of each column.
+pub(crate) type Columns = Vec<(&'static str, Column)>;
+
+impl Column {
+    fn array(self) -> Result<ArrayRef> {
+        Ok(match self {
+            Self::Floats(values) => Arc::new(Float32Array::from(values)),
+            Self::Integers(values) => Arc::new(Int64Array::from(values)),
+            Self::Flags(values) => Arc::new(BooleanArray::from(values)),
+            Self::Texts(values) => Arc::new(StringArray::from(values)),
+            Self::Vectors(values, width) => {
+                let item = Arc::new(Field::new("item", DataType::Float32, false));
+                let values = Arc::new(Float32Array::from(values));
+                Arc::new(FixedSizeListArray::try_new(item, width as i32, values, None)?)
+            }
+            Self::OneText(values) => {
+                let mut lists = arrow_array::builder::ListBuilder::new(
+                    arrow_array::builder::StringBuilder::new(),
+                );
+                for value in values {
+                    lists.values().append_value(value);
+                    lists.append(true);
+                }
+                let lists: ListArray = lists.finish();
+                Arc::new(lists)
+            }
+        })
+    }
+}
+
+fn batch(columns: Columns) -> Result<RecordBatch> {
+    let mut fields = Vec::new();
+    let mut arrays = Vec::new();
+    for (name, column) in columns {
+        let is_nullable = matches!(column, Column::Flags(_));
+        let array = column.array()?;
+        fields.push(Field::new(name, array.data_type().clone(), is_nullable));
+        arrays.push(array);
+    }
+    Ok(RecordBatch::try_new(Arc::new(Schema::new(fields)), arrays)?)
+}
+
+/// Vectors of floats compress best byte by byte: the first bytes of neighbouring values are alike.
+fn properties(batch: &RecordBatch, about: Option<(&str, String)>) -> Result<WriterProperties> {
+    let mut properties = WriterProperties::builder()
+        .set_compression(Compression::ZSTD(ZstdLevel::try_new(3)?))
+        .set_max_row_group_row_count(None)
+        .set_statistics_enabled(EnabledStatistics::Chunk);
+    for field in batch.schema().fields() {
+        if matches!(field.data_type(), DataType::FixedSizeList(..)) {
+            let path = vec![field.name().clone(), "list".to_owned(), "item".to_owned()];
+            let path = ColumnPath::new(path);
+            properties = properties
+                .set_column_dictionary_enabled(path.clone(), false)
+                .set_column_encoding(path, Encoding::BYTE_STREAM_SPLIT);
+        }
+    }
+    if let Some((key, value)) = about {
+        let pair = KeyValue::new(key.to_owned(), value);
+        properties = properties.set_key_value_metadata(Some(vec![pair]));
+    }
+    Ok(properties.build())
+}
+
+/// Writes a table, one row group for each of its groups of columns.
+pub(crate) fn write(
+    path: &Path,
+    groups: impl IntoIterator<Item = Result<Columns>>,
+    about: Option<(&str, String)>,
+) -> Result<()> {
+    store::write_with(path, |file| {
+        let mut writer: Option<ArrowWriter<File>> = None;
+        for group in groups {
+            let batch = batch(group?)?;
+            if writer.is_none() {
+                let properties = properties(&batch, about.clone())?;
+                let file = File::create(file)?;
+                writer = Some(ArrowWriter::try_new(file, batch.schema(), Some(properties))?);
+            }
+            if let Some(writer) = &mut writer {
+                writer.write(&batch)?;
+                writer.flush()?;
+            }
+        }
+        writer.context("a table without rows")?.close()?;
+        Ok(())
+    })
+}
+
+/// Reads one row group of a table.
+pub(crate) fn read_group(path: &Path, group: usize) -> Result<RecordBatch> {
+    let file = File::open(path).with_context(|| format!("cannot read {}", path.display()))?;
+    let damaged = || format!("{} is damaged", path.display());
+    let builder = ParquetRecordBatchReaderBuilder::try_new(file).with_context(damaged)?;
+    anyhow::ensure!(group < builder.metadata().num_row_groups(), "{} is too short", path.display());
+    let rows = builder.metadata().row_group(group).num_rows() as usize;
+    let mut reader = builder.with_row_groups(vec![group]).with_batch_size(rows.max(1)).build()?;
+    let batch = reader.next().with_context(damaged)?;
+    batch.with_context(damaged)
+}
+
+/// All row groups of a table.
+pub(crate) fn groups(path: &Path) -> Result<usize> {
+    let file = File::open(path).with_context(|| format!("cannot read {}", path.display()))?;
+    let builder = ParquetRecordBatchReaderBuilder::try_new(file)
+        .with_context(|| format!("{} is damaged", path.display()))?;
+    Ok(builder.metadata().num_row_groups())
+}
+
+fn column<'a>(batch: &'a RecordBatch, name: &str) -> Result<&'a ArrayRef> {
+    batch.column_by_name(name).with_context(|| format!("there is no column {name}"))
+}
+
+/// The numbers of a column of floats, or of vectors of them.
+pub(crate) fn floats<'a>(batch: &'a RecordBatch, name: &str) -> Result<&'a [f32]> {
+    let array = column(batch, name)?;
+    let values = match array.as_fixed_size_list_opt() {
+        Some(vectors) => vectors.values(),
+        None => array,
+    };
+    let values = values.as_primitive_opt::<Float32Type>();
+    Ok(values.with_context(|| format!("{name} holds no floats"))?.values())
+}
+
+/// The numbers of a column of integers.
+pub(crate) fn integers<'a>(batch: &'a RecordBatch, name: &str) -> Result<&'a [i64]> {
+    let values = column(batch, name)?.as_primitive_opt::<arrow_array::types::Int64Type>();
+    Ok(values.with_context(|| format!("{name} holds no integers"))?.values())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_table_comes_back_and_has_the_same_bytes() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        let group = |first: i64| {
+            Ok(vec![
+                ("v", Column::Vectors(vec![0.5, first as f32, 2.0, 3.0], 2)),
+                ("i", Column::Integers(vec![first, 7])),
+                ("t", Column::Texts(vec!["a".into(), "b".into()])),
+                ("f", Column::Flags(vec![None, Some(true)])),
+                ("l", Column::OneText(vec!["c".into(), "d".into()])),
+            ])
+        };
+        for name in ["one", "two"] {
+            write(&path(name), [group(1), group(5)], Some(("key", "value".into()))).unwrap();
+        }
+        assert_eq!(std::fs::read(path("one")).unwrap(), std::fs::read(path("two")).unwrap());
+        let batch = read_group(&path("one"), 1).unwrap();
+        assert_eq!(groups(&path("one")).unwrap(), 2);
+        assert_eq!(floats(&batch, "v").unwrap(), [0.5, 5.0, 2.0, 3.0]);
+        assert_eq!(integers(&batch, "i").unwrap(), [5, 7]);
+        assert!(floats(&batch, "i").unwrap_err().to_string().contains("no floats"));
+        assert!(read_group(&path("one"), 2).is_err());
+        std::fs::write(path("bad"), b"PAR1 and more").unwrap();
+        assert!(read_group(&path("bad"), 0).unwrap_err().to_string().contains("is damaged"));
+    }
+}

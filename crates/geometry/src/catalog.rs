@@ -1,0 +1,138 @@
+//! Objects that come with the project, by family.
+
+use crate::object::{Object, ObjectFile};
+
+/// An object file of the project.
+#[derive(Clone, Copy, Debug)]
+pub struct Entry {
+    /// Name of the file without its ending.
+    pub name: &'static str,
+    /// Family: the folder of the file.
+    pub family: &'static str,
+    /// Its text.
+    text: &'static str,
+}
+
+/// Look-alikes of the objects of the paper; the family of their scans.
+pub const LOOK_ALIKES: &str = "ycb";
+
+/// Families that no network of the project learns from.
+const HELD_OUT: [&str; 3] = ["jars", "sprays", "toys"];
+
+macro_rules! catalog {
+    ($($family:literal: $($name:literal),*;)*) => {
+        &[$($(Entry {
+            name: $name,
+            family: $family,
+            text: include_str!(concat!("../../../assets/objects/", $family, "/", $name, ".toml")),
+        }),*),*]
+    };
+}
+
+/// All objects, look-alikes first.
+pub const CATALOG: &[Entry] = catalog! {
+    "ycb": "sugar_box", "bleach", "cracker_box", "soup_can", "mustard";
+    "boxes": "biscuit_box", "gelatin_box", "juice_carton", "milk_carton", "pasta_box", "soap_box", "tea_box", "toothpaste_box";
+    "cans": "bean_can", "cocoa_tin", "coffee_tin", "corn_can", "energy_can", "soda_can", "tomato_can";
+    "bottles": "beer_bottle", "dish_soap", "ketchup_bottle", "sauce_bottle", "shampoo_bottle", "vinegar_bottle", "water_bottle", "wine_bottle";
+    "bowls": "custard_cup", "dessert_cup", "ramekin", "rice_bowl", "salad_bowl", "soup_bowl";
+    "mugs": "beer_mug", "camping_mug", "coffee_mug", "espresso_cup", "measuring_cup", "tall_mug", "tea_cup";
+    "tools": "brush", "glue_gun", "hammer", "mallet", "screwdriver", "tape_roll", "torch";
+    "balls": "apple", "avocado", "baseball", "lemon", "orange", "softball", "tennis_ball";
+    "jars": "honey_jar", "jam_jar", "mustard_jar", "peanut_butter", "pickle_jar", "spice_jar";
+    "sprays": "bath_spray", "hair_spray", "insect_spray", "kitchen_spray", "plant_spray", "window_spray";
+    "toys": "doll", "duck", "ring_tower", "rocket", "toy_car", "wooden_block";
+};
+
+impl Entry {
+    /// The file.
+    pub fn file(&self) -> Result<ObjectFile, String> {
+        ObjectFile::parse(self.text)
+    }
+
+    /// Whether networks may learn from it.
+    pub fn is_for_training(&self) -> bool {
+        !HELD_OUT.contains(&self.family)
+    }
+}
+
+/// Objects of one family.
+pub fn of_family(family: &str) -> impl Iterator<Item = &'static Entry> {
+    CATALOG.iter().filter(move |entry| entry.family == family)
+}
+
+impl Object {
+    /// The object that comes with the project under this name (file name without ending).
+    pub fn built_in(name: &str) -> Option<Self> {
+        let entry = CATALOG.iter().find(|entry| entry.name == name)?;
+        entry.file().ok()?.object().ok()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Vec3;
+    use std::collections::BTreeSet;
+    use std::path::Path;
+
+    #[test]
+    fn built_in_objects_are_sound() {
+        for entry in CATALOG {
+            let name = entry.name;
+            let object = entry.file().unwrap().object().unwrap();
+            let [min, max] = object.bounds;
+            assert!(min.z.abs() < 1e-6 && (min.x + max.x).abs() < 1e-5, "{name}: {min} {max}");
+            let com = object.center_of_mass;
+            assert!(com.cmpgt(min).all() && com.cmplt(max).all(), "{name}: centre of mass {com}");
+            let solid = crate::mesh::solid(&object.mesh, true).unwrap();
+            let density = object.mass / solid.volume as f32;
+            assert!((100.0..2500.0).contains(&density), "{name}: {density} kg/m3");
+            let narrow = (max - min).truncate().min_element();
+            assert!(narrow < 0.13 && max.z > 0.025 && object.mass <= 1.25, "{name}: {max}");
+        }
+    }
+
+    #[test]
+    fn look_alikes_have_the_extents_of_the_scans() {
+        // Bounding boxes of the YCB scans (mm).
+        let scans = [
+            ("sugar_box", [49.5, 94.2, 176.0]),
+            ("bleach", [102.4, 67.7, 250.6]),
+            ("cracker_box", [71.8, 164.0, 213.4]),
+            ("soup_can", [67.9, 67.8, 102.0]),
+            ("mustard", [97.2, 66.6, 191.4]),
+        ];
+        for (name, wanted) in scans {
+            let [min, max] = Object::built_in(name).unwrap().bounds;
+            let got = (max - min) * 1000.0;
+            let error = (got - Vec3::from_array(wanted)).abs().max_element();
+            assert!(error < 4.0, "{name}: {got} mm against {wanted:?} mm");
+        }
+    }
+
+    #[test]
+    fn the_catalog_lists_every_file_once() {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets/objects");
+        let mut files = BTreeSet::new();
+        for family in folder.read_dir().unwrap().map(|entry| entry.unwrap().path()) {
+            for file in family.read_dir().unwrap().map(|entry| entry.unwrap().path()) {
+                let word = |path: &Path| path.file_stem().unwrap().to_str().unwrap().to_owned();
+                files.insert((word(&family), word(&file)));
+            }
+        }
+        let listed: BTreeSet<_> =
+            CATALOG.iter().map(|e| (e.family.to_owned(), e.name.to_owned())).collect();
+        assert_eq!(listed, files);
+        let names: BTreeSet<_> = CATALOG.iter().map(|entry| entry.name).collect();
+        assert!(names.len() == CATALOG.len(), "a name stands twice");
+    }
+
+    #[test]
+    fn families_are_held_out_as_a_whole() {
+        let families: BTreeSet<_> = CATALOG.iter().map(|entry| entry.family).collect();
+        assert!(HELD_OUT.iter().all(|family| families.contains(family)));
+        let learned = CATALOG.iter().filter(|e| e.is_for_training() && e.family != LOOK_ALIKES);
+        assert!(learned.count() >= 48 && CATALOG.len() >= 65);
+    }
+}

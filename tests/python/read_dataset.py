@@ -1,0 +1,129 @@
+"""Reads a dataset without the project's code and computes Eq. 6 and 7 again, row by row.
+
+Run as `python read_dataset.py DIR README`: DIR is a dataset, README the file whose snippet is run, too.
+Prints `# pass N` and `# fail N`.
+"""
+
+import json
+import re
+import sys
+import traceback
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+from safetensors.numpy import load_file
+
+DOF = 23
+DT = 1 / 30
+# Rounding to single precision of values up to about 20.
+ROUNDED = 1e-5
+
+
+def rows(folder: Path) -> pl.DataFrame:
+    return pl.read_parquet(folder / "data/chunk-000/*.parquet")
+
+
+def episodes(folder: Path) -> pl.DataFrame:
+    return pl.read_parquet(folder / "meta/episodes/chunk-000/file-000.parquet")
+
+
+def vectors(frame: pl.DataFrame, name: str) -> np.ndarray:
+    return frame[name].to_numpy().astype(np.float64)
+
+
+def test_rows_satisfy_eq6_and_eq7(folder: Path) -> None:
+    frame = rows(folder)
+    state, action = vectors(frame, "observation.state"), vectors(frame, "action")
+    q, qd = state[:, :DOF], state[:, DOF:]
+    qdd, target = action[:, :DOF], action[:, DOF:]
+    next_q = q + DT * qd + 0.5 * DT**2 * qdd  # Eq. 6
+    next_qd = qd + DT * qdd  # Eq. 7
+    assert len(q) > 100, f"only {len(q)} rows"
+    assert np.abs(next_q - target).max() < ROUNDED
+    index = frame["frame_index"].to_numpy()
+    goes_on = index[1:] == index[:-1] + 1
+    assert np.abs(next_q[:-1] - q[1:])[goes_on].max() < ROUNDED
+    assert np.abs(next_qd[:-1] - qd[1:])[goes_on].max() < ROUNDED
+    # The test can fail: half a step more is found.
+    assert np.abs(q + 1.5 * DT * qd - target).max() > 100 * ROUNDED
+
+
+def test_episodes_fill_the_rows(folder: Path) -> None:
+    frame, table = rows(folder), episodes(folder)
+    info = json.loads((folder / "meta/info.json").read_text())
+    assert info["codebase_version"] == "v3.0"
+    assert info["total_frames"] == len(frame) and info["total_episodes"] == len(table)
+    assert frame["index"].to_list() == list(range(len(frame)))
+    starts = table["dataset_from_index"].to_list()
+    ends = table["dataset_to_index"].to_list()
+    assert starts == [0] + ends[:-1] and ends[-1] == len(frame)
+    for episode, (start, end) in enumerate(zip(starts, ends)):
+        span = frame[start:end]
+        assert (span["episode_index"] == episode).all()
+        assert span["frame_index"].to_list() == list(range(end - start))
+        assert table["touch"][episode] < end - start
+    for name in ("observation.state", "action"):
+        feature = info["features"][name]
+        assert feature["shape"] == [2 * DOF] and len(feature["names"]) == 2 * DOF
+
+
+def test_statistics_are_those_of_the_rows(folder: Path) -> None:
+    stats = json.loads((folder / "meta/stats.json").read_text())
+    frame = rows(folder)
+    for name in ("observation.state", "action"):
+        values = vectors(frame, name)
+        assert np.allclose(stats[name]["mean"], values.mean(0), atol=1e-6)
+        assert np.allclose(stats[name]["std"], values.std(0), atol=1e-5)
+        assert np.allclose(stats[name]["min"], values.min(0), atol=1e-6)
+        assert stats[name]["count"] == [len(values)]
+
+
+def test_every_kept_attempt_is_an_episode(folder: Path) -> None:
+    attempts, poses = (pl.read_parquet(folder / f"{name}.parquet") for name in ("attempts", "poses"))
+    kept = attempts.filter(pl.col("fate") == "kept")
+    table = episodes(folder)
+    key = ["object", "pose_index", "target_seed", "grasp"]
+    assert kept.select(key).rows() == table.select(key).rows()
+    assert poses["kept"].sum() == len(kept) and poses["attempts"].sum() == len(attempts)
+
+
+def test_clouds_lie_on_the_table_before_the_robot(folder: Path) -> None:
+    files = sorted((folder / "clouds/poses").rglob("*.safetensors"))
+    files += sorted((folder / "clouds/objects").rglob("*.safetensors"))
+    assert files
+    for file in files:
+        tensors = load_file(file)
+        for name in ("noisy", "clean"):
+            points = tensors[name]
+            assert points.shape[-2:] == (512, 3) and np.isfinite(points).all()
+            assert (points >= [0.25, -0.40, -0.25]).all() and (points <= [0.95, 0.40, 0.15]).all()
+
+
+def test_the_snippet_of_the_readme_runs(folder: Path, readme: Path) -> None:
+    snippet = re.search(r"```python\n(.*?)```", readme.read_text(), re.DOTALL)
+    assert snippet, "there is no snippet"
+    code = snippet.group(1)
+    assert "DIR" in code
+    exec(compile(code.replace('"DIR"', repr(str(folder))), str(readme), "exec"), {})
+
+
+def main() -> int:
+    folder, readme = Path(sys.argv[1]), Path(sys.argv[2])
+    tests = {name: test for name, test in globals().items() if name.startswith("test_")}
+    failed = 0
+    for name, test in tests.items():
+        arguments = (folder, readme) if test.__code__.co_argcount == 2 else (folder,)
+        try:
+            test(*arguments)
+            print(f"{name} ... ok")
+        except Exception:
+            failed += 1
+            traceback.print_exc()
+            print(f"{name} ... FAILED")
+    print(f"# pass {len(tests) - failed}\n# fail {failed}")
+    return min(failed, 1)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
