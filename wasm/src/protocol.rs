@@ -15,6 +15,7 @@ pub(crate) enum ToWorker {
     Load {
         object: String,
     },
+    /// A mesh, or a demonstration (JSON).
     Upload {
         file_name: String,
         #[serde(with = "serde_bytes")]
@@ -179,6 +180,8 @@ pub(crate) struct Frame {
     #[serde(with = "preserve")]
     pub(crate) poses: Float32Array,
     pub(crate) pose: PlanarPose,
+    /// Which demonstration is played, if one is.
+    pub(crate) played: Option<String>,
     pub(crate) phase: Phase,
     pub(crate) time: f64,
     pub(crate) running: bool,
@@ -234,6 +237,8 @@ pub(crate) struct Verdict {
     pub(crate) pose: PlanarPose,
     /// Whether the object was placed by hand, not where the seed puts it.
     pub(crate) placed: bool,
+    /// Which demonstration this was, if it was one: it does not count.
+    pub(crate) played: Option<String>,
     pub(crate) hash: String,
     pub(crate) tally: Tally,
 }

@@ -10,7 +10,7 @@ use crate::upload::{self, Loaded};
 use geometry::Pose;
 use js_sys::Float32Array;
 use robot::rotation;
-use rollout::{Attempt, Controller, RolloutError, Workcell};
+use rollout::{Attempt, Controller, Demonstration, RolloutError, Workcell};
 use scene::Simulation;
 use scene::config::CONTROL_PERIOD;
 use std::collections::BTreeMap;
@@ -25,6 +25,8 @@ pub(crate) struct Stage {
     /// The seed that the pose was drawn from, unless the object was placed by hand.
     pose_seed: Option<u32>,
     attempt: Option<Attempt>,
+    /// Which demonstration is played, if one is.
+    played: Option<String>,
     seed: u32,
     /// By the object's hash.
     attempts: BTreeMap<String, Attempts>,
@@ -40,7 +42,8 @@ impl Stage {
         let object = loaded.object.hash();
         let attempts = BTreeMap::new();
         let pose_seed = Some(0);
-        Ok(Self { workcell, loaded, object, pose, pose_seed, attempt: None, seed: 0, attempts })
+        let (attempt, played, seed) = (None, None, 0);
+        Ok(Self { workcell, loaded, object, pose, pose_seed, attempt, played, seed, attempts })
     }
 
     /// What the page needs once.
@@ -86,7 +89,7 @@ impl Stage {
 
     /// Ends the attempt, if there is one: the robot is home, the object where it was.
     pub(crate) fn reset(&mut self) {
-        self.attempt = None;
+        (self.attempt, self.played) = (None, None);
     }
 
     /// Moves the object to the nearest pose in the workspace, which ends an attempt. What is no pose
@@ -138,9 +141,45 @@ impl Stage {
         let attempt =
             Attempt::begin(&self.workcell, object, name, pose, u64::from(seed), controller)
                 .map_err(|error| cannot_begin(&error))?;
+        (self.played, self.seed) = (None, seed);
+        Ok(self.set_off(attempt))
+    }
+
+    fn set_off(&mut self, attempt: Attempt) -> Cloud {
         let points: Vec<f32> = attempt.cloud().iter().flat_map(|p| p.to_array()).collect();
-        (self.attempt, self.seed) = (Some(attempt), seed);
-        Ok(Cloud { points: Float32Array::from(points.as_slice()) })
+        self.attempt = Some(attempt);
+        Cloud { points: Float32Array::from(points.as_slice()) }
+    }
+
+    /// Begins to play a demonstration from a file, with the object that stands there or a built-in one.
+    pub(crate) fn play(&mut self, file_name: &str, bytes: &[u8]) -> Result<Cloud, Failure> {
+        let unusable = |cause: String, cure: &str| Failure {
+            code: "demonstration_unusable",
+            cause: format!("{file_name} cannot be played: {cause}."),
+            cure: cure.into(),
+        };
+        let file: Demonstration = serde_json::from_slice(bytes).map_err(|error| {
+            unusable(error.to_string(), "Write one with `ngf dataset episode DIR N --out FILE`.")
+        })?;
+        let loaded = if self.object == file.object {
+            None
+        } else {
+            Some(upload::built_in(&file.name).map_err(|_| {
+                let cause = format!("it was made with \"{}\", which is not here", file.name);
+                unusable(cause, "Load that object's mesh first.")
+            })?)
+        };
+        let object = loaded.as_ref().map_or(&self.loaded.object, |loaded| &loaded.object);
+        let attempt = file.begin(&self.workcell, object).map_err(|error| {
+            unusable(error.to_string(), "Make the dataset again with this version of the program.")
+        })?;
+        if let Some(loaded) = loaded {
+            self.load(loaded);
+        }
+        let [x, y, yaw] = file.pose;
+        (self.pose, self.pose_seed) = (PlanarPose { x, y, yaw }, None);
+        self.played = Some(file.demonstration);
+        Ok(self.set_off(attempt))
     }
 
     /// Whether an attempt is under way.
@@ -162,13 +201,16 @@ impl Stage {
         let hash = attempt.state_hash();
         let attempts = self.attempts.entry(self.object.clone()).or_default();
         let PlanarPose { x, y, yaw } = self.pose;
-        attempts.count(self.seed, [x, y, yaw], verdict.is_lifted());
+        if self.played.is_none() {
+            attempts.count(self.seed, [x, y, yaw], verdict.is_lifted());
+        }
         Some(Verdict {
             lifted: verdict.is_lifted(),
             words: verdict.words().to_owned(),
             seed: self.seed,
             pose: self.pose,
             placed: self.pose_seed != Some(self.seed),
+            played: self.played.clone(),
             hash,
             tally: attempts.tally(),
         })
@@ -180,6 +222,7 @@ impl Stage {
         Frame {
             poses: Float32Array::from(poses.as_slice()),
             pose: self.pose,
+            played: self.played.clone(),
             phase: self.attempt.as_ref().map_or(Phase::Idle, |attempt| attempt.phase().into()),
             time: self.attempt.as_ref().map_or(0.0, |a| a.ticks() as f64 * CONTROL_PERIOD),
             running: true,

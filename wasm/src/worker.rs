@@ -2,7 +2,7 @@
 
 use crate::clock::Clock;
 use crate::fetch;
-use crate::protocol::{Amount, Failure, Frame, FromWorker, Model, Progress, ToWorker};
+use crate::protocol::{Amount, Cloud, Failure, Frame, FromWorker, Model, Progress, ToWorker};
 use crate::stage::Stage;
 use crate::upload::{self, Loaded};
 use serde::Serialize;
@@ -97,6 +97,9 @@ impl Worker {
     fn receive(&mut self, message: ToWorker) {
         match message {
             ToWorker::Load { object } => self.load(upload::built_in(&object)),
+            ToWorker::Upload { file_name, bytes, .. } if file_name.ends_with(".json") => {
+                self.play(&file_name, &bytes);
+            }
             ToWorker::Upload { file_name, bytes, unit } => {
                 post(&FromWorker::Progress(Progress::begin(format!("Reading {file_name}"))));
                 self.load(upload::read(&file_name, &bytes, unit));
@@ -138,6 +141,20 @@ impl Worker {
     fn grasp(&mut self, seed: u32) {
         post(&FromWorker::Progress(Progress::begin("Looking and planning")));
         let begun = self.stage.begin(seed);
+        self.set_off(begun);
+    }
+
+    /// Plays a demonstration with the object that it was made for.
+    fn play(&mut self, file_name: &str, bytes: &[u8]) {
+        post(&FromWorker::Progress(Progress::begin(format!("Reading {file_name}"))));
+        let begun = self.stage.play(file_name, bytes);
+        if begun.is_ok() {
+            post(&FromWorker::Object(self.stage.object()));
+        }
+        self.set_off(begun);
+    }
+
+    fn set_off(&mut self, begun: Result<Cloud, Failure>) {
         post(&FromWorker::Progress(Progress::end()));
         match begun {
             Ok(cloud) => {

@@ -17,6 +17,7 @@ export interface PlanarPose {
 
 export type ToWorker =
   | { kind: "load"; object: string }
+  // A mesh, or a demonstration (JSON).
   | { kind: "upload"; fileName: string; bytes: ArrayBuffer; unit: Unit | null }
   | { kind: "place"; pose: PlanarPose }
   // The pose that an attempt with this seed draws.
@@ -98,6 +99,8 @@ export interface Frame {
   // Seven numbers a body: position, quaternion; the robot's bodies, then the object.
   poses: Float32Array;
   pose: PlanarPose;
+  // Which demonstration is played, if one is.
+  played: string | null;
   phase: Phase;
   // Since the attempt began.
   time: number;
@@ -137,6 +140,8 @@ export interface Verdict {
   pose: PlanarPose;
   // Whether the object was placed by hand, not where the seed puts it.
   placed: boolean;
+  // Which demonstration this was, if it was one: it does not count.
+  played: string | null;
   // Of the final state, the same on every machine.
   hash: string;
   tally: Tally;

@@ -2,24 +2,47 @@
 
 use crate::chromium;
 use crate::place::{self, Place};
-use crate::tools;
+use crate::{python, tools};
 use anyhow::{Context, Result};
 use std::path::Path;
 
-/// One measurement: a median, in milliseconds.
+/// One measurement, beside that of a peer where there is one.
 #[derive(Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 struct Row {
     name: String,
     value: f64,
     unit: String,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    peer: Option<Peer>,
 }
 
-/// Measures, prints, and writes the rows to `json` if that is given.
-pub(crate) fn run(place: &Place, json: Option<&Path>) -> Result<()> {
+/// What another program needs for the same.
+#[derive(Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+struct Peer {
+    name: String,
+    value: f64,
+    /// How many times the peer's value ours is.
+    ratio: f64,
+}
+
+/// Measures, prints, and writes the rows to `json` if that is given; `peers` are measured too where there are
+/// any.
+pub(crate) fn run(place: &Place, json: Option<&Path>, peers: bool) -> Result<()> {
     let mut rows = native(place)?;
+    if peers {
+        let mujoco = mujoco(place)?;
+        for row in rows.iter_mut().filter(|row| row.name == "physics_step_home") {
+            let (name, value) = (mujoco.name.clone(), mujoco.value);
+            row.peer = Some(Peer { name, value, ratio: row.value / value });
+        }
+    }
     rows.extend(in_browser(place)?);
     for row in &rows {
-        println!("{:32} {:8.3} {}", row.name, row.value, row.unit);
+        print!("{:32} {:8.3} {:3}", row.name, row.value, row.unit);
+        match &row.peer {
+            Some(Peer { name, value, ratio }) => println!(" {name} {value:.3}: {ratio:.1} times"),
+            None => println!(),
+        }
     }
     if let Some(file) = json {
         std::fs::write(file, serde_json::to_vec_pretty(&rows)?)
@@ -35,6 +58,14 @@ fn native(place: &Place) -> Result<Vec<Row>> {
     let mut bench = place.command(place.program("ngf"), &["bench", "--quiet", "--json"]);
     place::run(bench.arg(&file))?;
     Ok(serde_json::from_slice(&std::fs::read(&file)?)?)
+}
+
+/// A physics step of MuJoCo with the same robot, table and box.
+fn mujoco(place: &Place) -> Result<Row> {
+    let python = python::environment(place, "peers.txt")?;
+    let script = ["tests/python/mujoco_step.py", "assets/robot/iiwa7_allegro.urdf"];
+    let said = place::read(&mut place.command(python, &script))?;
+    said.lines().find_map(row).context("mujoco_step.py printed no row")
 }
 
 /// The rows that `wasm/benches/attempt.rs` prints, built as the page's worker is.
@@ -62,7 +93,7 @@ fn row(line: &str) -> Option<Row> {
     let at = words.iter().position(|word| *word == "row")?;
     let [name, value, unit] = words.get(at + 1..)? else { return None };
     let value = value.parse().ok()?;
-    Some(Row { name: (*name).to_owned(), value, unit: (*unit).to_owned() })
+    Some(Row { name: (*name).to_owned(), value, unit: (*unit).to_owned(), peer: None })
 }
 
 #[cfg(test)]

@@ -39,6 +39,9 @@ enum Command {
         /// Also write the rows to this file.
         #[arg(long, value_name = "FILE")]
         json: Option<PathBuf>,
+        /// Beside what others need for the same: MuJoCo, from PyPI.
+        #[arg(long)]
+        peers: bool,
     },
 }
 
@@ -47,7 +50,7 @@ fn main() -> ExitCode {
         Command::Demo(options) => demo::run(&place, &options).map(|()| true),
         Command::Check => stages::check(&place),
         Command::Test => stages::test(&place),
-        Command::Bench { json } => bench::run(&place, json.as_deref()).map(|()| true),
+        Command::Bench { json, peers } => bench::run(&place, json.as_deref(), peers).map(|()| true),
     });
     match done {
         Ok(true) => ExitCode::SUCCESS,

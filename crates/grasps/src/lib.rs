@@ -7,6 +7,7 @@ pub mod closing;
 pub mod cluster;
 pub mod demonstration;
 pub mod grasp;
+pub mod import;
 pub mod kind;
 pub mod place;
 pub mod proposal;

@@ -1,6 +1,7 @@
 //! Search: many proposals, the strongest ones tried in physics and varied, the reliable ones clustered.
 
 use crate::grasp::Grasp;
+use crate::import::Imported;
 use crate::kind::{self, Scored, half_turn};
 use crate::place::{Planned, reach, reach_poses};
 use crate::proposal::{self, ProposalConfig, Subject, propose};
@@ -114,38 +115,70 @@ pub fn search(
     seed: u64,
     mut progress: impl FnMut(f32),
 ) -> Result<(GraspSet, Vec<Scored>), SceneError> {
-    let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let mut draw = |reach: f32| rng.random_range(-reach..=reach);
-    let [shift, turn] = [config.object_shift, config.object_turn];
-    let beside = (0..config.repeats).map(|_| [draw(shift), draw(shift), draw(turn)]).collect();
-    let subject = Subject::new(object, &robot.config);
-    let (proposed, closed, tried) = (0, 0, 0);
-    let mut search =
-        Search { robot, object, subject, config, beside, rng, proposed, closed, tried };
+    let mut search = Search::begin(robot, object, config, seed);
     let mut scored = search.around_the_object(&mut |share| progress(0.5 * share))?;
     for (round, is_turned) in [false, true].into_iter().enumerate() {
         let progress = &mut |share| progress(0.5 + 0.2 * (round as f32 + share));
         scored.extend(search.around(&scored, is_turned, progress)?);
     }
-    let lifted = scored.len();
-    let reliable: Vec<_> =
-        scored.into_iter().filter(|found| found.again >= config.least_lifted).collect();
-    let (grasps, confirmed) = search.confirmed_kinds(&reliable, &mut |share| {
-        progress(0.9 + 0.1 * share);
-    })?;
-    let set = GraspSet {
-        grasps,
-        proposed: search.proposed,
-        closed: search.closed,
-        tried: search.tried,
-        lifted,
-        reliable: reliable.len(),
-        confirmed,
-    };
-    Ok((set, reliable))
+    search.end(scored, &mut |share| progress(0.9 + 0.1 * share))
 }
 
-impl Search<'_> {
+/// Tries grasps that come from elsewhere, as [`search`] tries its own.
+pub fn try_imported(
+    robot: &Robot,
+    object: &Object,
+    config: &SearchConfig,
+    imported: &[Imported],
+    seed: u64,
+    mut progress: impl FnMut(f32),
+) -> Result<(GraspSet, Vec<Scored>), SceneError> {
+    let mut search = Search::begin(robot, object, config, seed);
+    let mut scored = Vec::new();
+    for (i, row) in imported.iter().enumerate() {
+        progress(0.9 * i as f32 / imported.len() as f32);
+        search.proposed += 1;
+        let proposal = row.config(&config.proposal);
+        if let Some((grasp, _)) = search.close(row.object_from_palm, &proposal) {
+            scored.extend(search.scored(&grasp)?);
+        }
+    }
+    search.end(scored, &mut |share| progress(0.9 + 0.1 * share))
+}
+
+impl<'a> Search<'a> {
+    fn begin(robot: &'a Robot, object: &'a Object, config: &'a SearchConfig, seed: u64) -> Self {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let mut draw = |reach: f32| rng.random_range(-reach..=reach);
+        let [shift, turn] = [config.object_shift, config.object_turn];
+        let beside = (0..config.repeats).map(|_| [draw(shift), draw(shift), draw(turn)]).collect();
+        let subject = Subject::new(object, &robot.config);
+        let (proposed, closed, tried) = (0, 0, 0);
+        Self { robot, object, subject, config, beside, rng, proposed, closed, tried }
+    }
+
+    /// Reliable grasps as a set of kinds.
+    fn end(
+        &self,
+        scored: Vec<Scored>,
+        progress: &mut dyn FnMut(f32),
+    ) -> Result<(GraspSet, Vec<Scored>), SceneError> {
+        let lifted = scored.len();
+        let least = self.config.least_lifted;
+        let reliable: Vec<_> = scored.into_iter().filter(|found| found.again >= least).collect();
+        let (grasps, confirmed) = self.confirmed_kinds(&reliable, progress)?;
+        let set = GraspSet {
+            grasps,
+            proposed: self.proposed,
+            closed: self.closed,
+            tried: self.tried,
+            lifted,
+            reliable: reliable.len(),
+            confirmed,
+        };
+        Ok((set, reliable))
+    }
+
     /// Palm poses all around the object, and of those that close the strongest: each that lifts, with
     /// its repeats that lifted.
     fn around_the_object(
@@ -156,7 +189,7 @@ impl Search<'_> {
         let mut found = Vec::new();
         while self.proposed < config.proposals && found.len() < config.closings {
             let palm = proposal::draw_palm(self.object, &config.proposal, &mut self.rng);
-            found.extend(self.close(palm));
+            found.extend(self.close(palm, &config.proposal));
             self.proposed += 1;
             if self.proposed.is_multiple_of(256) {
                 let share = found.len() as f32 / config.closings as f32;
@@ -211,7 +244,7 @@ impl Search<'_> {
             for _ in 0..config.variants {
                 let (shift, turn) = (config.palm_shift, config.palm_turn);
                 let palm = proposal::vary_palm(center, shift, turn, &mut self.rng);
-                if let Some((grasp, _)) = self.close(palm) {
+                if let Some((grasp, _)) = self.close(palm, &config.proposal) {
                     scored.extend(self.scored(&grasp)?);
                 }
                 if scored.len() == before + config.enough_variants {
@@ -232,8 +265,7 @@ impl Search<'_> {
     }
 
     /// The grasp that closing at a palm pose gives.
-    fn close(&mut self, palm: Isometry) -> Option<(Grasp, Squeeze)> {
-        let config = &self.config.proposal;
+    fn close(&mut self, palm: Isometry, config: &ProposalConfig) -> Option<(Grasp, Squeeze)> {
         let found = propose(self.robot, &self.subject, config, palm, &mut self.rng).ok();
         self.closed += usize::from(found.is_some());
         found

@@ -1,5 +1,6 @@
 //! `ngf bench`: milliseconds of what runs in an attempt, on this machine.
 
+use crate::engine;
 use anyhow::{Context, Result};
 use dataset::store;
 use geometry::object::Object;
@@ -10,6 +11,7 @@ use policy::{Encoder, Ngf, Whitening};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rollout::{Attempt, Controller, Phase, Workcell};
+use scene::{Scene, Simulation};
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -26,10 +28,10 @@ pub(crate) struct Options {
 
 /// One measurement: the median over its repeats.
 #[derive(serde::Serialize)]
-struct Row {
-    name: &'static str,
-    value: f64,
-    unit: &'static str,
+pub(crate) struct Row {
+    pub(crate) name: &'static str,
+    pub(crate) value: f64,
+    pub(crate) unit: &'static str,
 }
 
 /// Measures, prints and writes. Weights are random: their values do not change the time.
@@ -73,6 +75,12 @@ pub(crate) fn run(options: &Options) -> Result<()> {
         }
     }
     rows.push(Row { name: "physics_tick_in_contact_native", value: median(ticks), unit: "ms" });
+    let home = robot::JointState::at_rest(robot.config.home());
+    let mut scene = Scene::new(&robot.config, &robot.tree, &object, &pose, &home.q)?;
+    let mut step = row("physics_step_home", 200, || scene.follow(&home, &home));
+    step.value /= robot.config.physics.substeps as f64;
+    rows.push(step);
+    rows.extend(engine::rows(robot)?);
     for row in rows.iter().filter(|_| !options.quiet) {
         println!("{:32} {:8.3} {}", row.name, row.value, row.unit);
     }

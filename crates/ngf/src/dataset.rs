@@ -5,9 +5,11 @@ use crate::objects::ObjectOptions;
 use anyhow::{Context, Result, bail};
 use dataset::config::{DatasetConfig, PRESETS};
 use dataset::generate::built_in_objects;
+use dataset::part::STATE;
 use dataset::summary::Summary;
 use dataset::{Dataset, Manifest, Objects, Observer};
 use grasps::Robot;
+use rollout::Demonstration;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
@@ -42,6 +44,16 @@ enum Look {
         /// Where to write it; in the folder by default.
         #[arg(long, value_name = "FILE")]
         out: Option<PathBuf>,
+    },
+    /// Write one kept demonstration as a file that the page plays when it is dropped there.
+    Episode {
+        /// Folder of the dataset.
+        dir: PathBuf,
+        /// Index of the episode.
+        index: usize,
+        /// Where to write it.
+        #[arg(long, value_name = "FILE")]
+        out: PathBuf,
     },
     /// Read every file again: hashes, and Eq. 6 and 7 in every row.
     Verify {
@@ -78,6 +90,7 @@ pub(crate) fn run(options: &Options) -> Result<()> {
         None => make(&options.make),
         Some(Look::Info { dir, json }) => info(dir, *json),
         Some(Look::Show { dir, out }) => show(dir, out.as_deref()),
+        Some(Look::Episode { dir, index, out }) => episode(dir, *index, out),
         Some(Look::Verify { dir }) => verify(dir),
     }
 }
@@ -263,6 +276,27 @@ fn show(dir: &Path, out: Option<&Path>) -> Result<()> {
     dataset::store::write(&file, page.as_bytes())?;
     println!("{}", file.display());
     Ok(())
+}
+
+fn episode(dir: &Path, index: usize, out: &Path) -> Result<()> {
+    let (dataset, manifest) = (Dataset::open(dir)?, Manifest::read(dir)?);
+    let kept = dataset.episode(index)?;
+    let hash = manifest.objects.get(&kept.object).context("the manifest lacks its object")?;
+    let row = |row: &[f32]| row.iter().map(|x| f64::from(*x)).collect();
+    let file = Demonstration {
+        demonstration: format!(
+            "episode {index}, {} at pose {}, of dataset {}",
+            kept.object.replace('_', " "),
+            kept.pose_index,
+            &manifest.hash[..8]
+        ),
+        scene: manifest.scene,
+        object: hash.clone(),
+        name: kept.object,
+        pose: kept.pose,
+        states: kept.states.chunks_exact(STATE).map(row).collect(),
+    };
+    dataset::store::write(out, &serde_json::to_vec(&file)?)
 }
 
 fn verify(dir: &Path) -> Result<()> {

@@ -2,11 +2,12 @@
 
 use crate::bar::Bar;
 use crate::objects::ObjectOptions;
-use anyhow::Result;
+use anyhow::{Context, Result};
 use dataset::store;
 use grasps::Robot;
+use grasps::import::GraspFile;
 use grasps::place::{REACH_POSES, poses_served};
-use grasps::search::{SearchConfig, search};
+use grasps::search::{SearchConfig, search, try_imported};
 use std::path::PathBuf;
 
 /// What to search for.
@@ -14,6 +15,9 @@ use std::path::PathBuf;
 pub(crate) struct Options {
     #[command(flatten)]
     object: ObjectOptions,
+    /// File of grasps from elsewhere, which are closed and tried instead of a search.
+    #[arg(long, value_name = "FILE")]
+    import: Option<PathBuf>,
     /// Seed of the search.
     #[arg(long, default_value_t = 0)]
     seed: u64,
@@ -31,8 +35,17 @@ pub(crate) fn run(options: &Options) -> Result<()> {
     let (name, object) = options.object.load()?;
     let bar = Bar::new(&format!("{name}: grasps"), 100);
     let config = SearchConfig::paper(&robot);
-    let (set, reliable) =
-        search(&robot, &object, &config, options.seed, |share| bar.set((share * 100.0) as usize))?;
+    let progress = |share| bar.set((share * 100.0) as usize);
+    let (set, reliable) = match &options.import {
+        None => search(&robot, &object, &config, options.seed, progress)?,
+        Some(path) => {
+            let bytes =
+                std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))?;
+            let file = GraspFile::parse(&bytes)?;
+            let imported = file.read(&robot.tree, &object)?;
+            try_imported(&robot, &object, &config, &imported, options.seed, progress)?
+        }
+    };
     bar.clear();
     println!(
         "{name}: {} proposals, {} closed, {} tried, {} lifted, {} reliable; with arm and hand {} of {} \

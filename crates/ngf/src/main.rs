@@ -4,6 +4,7 @@ mod bar;
 mod bench;
 mod card;
 mod dataset;
+mod engine;
 mod evaluate;
 mod grasps;
 mod objects;

@@ -55,6 +55,7 @@ impl Sight<'_> {
                 Ok(Ok(Approach { rows, ticks: 0, encoding: None }))
             }
             Controller::Planner => self.demonstrated(rng),
+            Controller::Demonstration(states) => Ok(Ok(self.starting_at_home(states))),
             _ => self.looked_up(controller, rng),
         }
     }
@@ -75,12 +76,18 @@ impl Sight<'_> {
             let above = demonstration::draw_target(region, &object.bounds, place, &palm, rng);
             let found = demonstration::demonstrate(&setting, &posture, &above, &config);
             let Ok(found) = found else { continue };
-            let mut rows = spline(&self.home, &found.states[0].q, &robot.tree.limits);
-            let ticks = rows.len();
-            rows.extend(&found.states[1..]);
-            return Ok(Ok(Approach { rows, ticks, encoding: None }));
+            return Ok(Ok(self.starting_at_home(&found.states)));
         }
         Ok(Err(Failure::Unreachable))
+    }
+
+    /// A spline to the first state of a demonstration, and then the demonstration.
+    fn starting_at_home(&self, states: &[JointState]) -> Approach {
+        let limits = &self.workcell.robot.tree.limits;
+        let mut rows = spline(&self.home, &states[0].q, limits);
+        let ticks = rows.len();
+        rows.extend(&states[1..]);
+        Approach { rows, ticks, encoding: None }
     }
 
     /// The start configuration that the model looks up for the cloud (paper §III-F).

@@ -27,6 +27,8 @@ pub enum Controller {
     Script,
     /// A demonstration planned for this pose, with knowledge of the object.
     Planner,
+    /// A demonstration that was made for this pose.
+    Demonstration(Vec<JointState>),
     /// Recorded targets.
     Replay {
         /// States at the beginning and after each tick.
@@ -214,7 +216,8 @@ impl Attempt {
                 }
             }
             Phase::Approach => {
-                let is_planned = matches!(self.controller, Controller::Planner);
+                let is_planned =
+                    matches!(self.controller, Controller::Planner | Controller::Demonstration(_));
                 if is_planned && self.phase_ticks >= self.approach_ticks {
                     self.enter(Phase::Policy);
                 } else if !is_planned {

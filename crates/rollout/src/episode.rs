@@ -37,7 +37,7 @@ pub(crate) fn row_of(state: &JointState) -> Vec<f64> {
     state.q.iter().chain(state.qd.iter()).copied().collect()
 }
 
-fn state_of((row, values): (usize, &Vec<f64>)) -> Result<JointState, RolloutError> {
+pub(crate) fn state_of((row, values): (usize, &Vec<f64>)) -> Result<JointState, RolloutError> {
     let (found, wanted) = (values.len(), 2 * DOF);
     if found != wanted {
         return Err(RolloutError::Row { row, found, wanted });
@@ -48,6 +48,18 @@ fn state_of((row, values): (usize, &Vec<f64>)) -> Result<JointState, RolloutErro
     })
 }
 
+/// An error if what was recorded there was recorded with something else.
+pub(crate) fn foreign(
+    what: &'static str,
+    wanted: String,
+    found: &String,
+) -> Result<(), RolloutError> {
+    if wanted == *found {
+        return Ok(());
+    }
+    Err(RolloutError::Foreign { what, wanted, found: found.clone() })
+}
+
 impl Episode {
     /// Steps physics through the recorded targets; gives the verdict and the final state hash. What
     /// failed before the lift has nothing to judge: its verdict is the recorded one.
@@ -56,14 +68,6 @@ impl Episode {
         workcell: &Workcell,
         object: &Object,
     ) -> Result<(Option<Verdict>, String), RolloutError> {
-        let foreign = |what, wanted: String, found: &String| {
-            let found = found.clone();
-            if wanted == found {
-                Ok(())
-            } else {
-                Err(RolloutError::Foreign { what, wanted, found })
-            }
-        };
         foreign("scene", scene_hash(), &self.scene)?;
         foreign("object", object.hash(), &self.object)?;
         let targets = self.targets.iter().enumerate().map(state_of).collect::<Result<_, _>>()?;

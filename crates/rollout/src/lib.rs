@@ -5,12 +5,14 @@
 
 pub mod approach;
 pub mod attempt;
+pub mod demonstration;
 pub mod episode;
 pub mod interval;
 pub mod verdict;
 pub mod workcell;
 
 pub use attempt::{Attempt, Controller, Phase, pose_of_seed};
+pub use demonstration::Demonstration;
 pub use episode::Episode;
 pub use interval::wilson95;
 pub use verdict::{Failure, Verdict};

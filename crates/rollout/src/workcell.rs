@@ -30,6 +30,9 @@ pub enum RolloutError {
         /// Those of a state.
         wanted: usize,
     },
+    /// A demonstration is empty.
+    #[error("the demonstration has no states; write it again with `ngf dataset episode`")]
+    NoStates,
     /// An episode belongs to another scene or object.
     #[error("the episode was recorded with another {what}: {found} instead of {wanted}")]
     Foreign {

@@ -88,12 +88,14 @@ export class AttemptPanel {
     this.#events.pose(this.#poseSeed);
   }
 
-  showFrame({ phase }: Frame): void {
+  showFrame({ phase, played }: Frame): void {
     if (phase === this.#phase) return;
     this.#phase = phase;
     if (phase !== "verdict") {
       this.#verdict = null;
-      this.#headline.textContent = phase === "policy" ? `The ${this.#actor} closes the hand` : WORDS[phase];
+      const actor = played === null ? `The ${this.#actor}` : "A demonstration";
+      this.#headline.textContent = phase === "policy" ? `${actor} closes the hand` : WORDS[phase];
+      if (played !== null) this.#note(`Demonstration: ${played}. No policy acts.`);
     }
     this.#showPhases();
   }
@@ -102,11 +104,16 @@ export class AttemptPanel {
     this.#verdict = verdict;
     this.#headline.textContent = verdict.words;
     this.#announcement.textContent = `${verdict.words} ${inWords(verdict.tally)}.`;
-    this.#hash.hidden = false;
-    this.#hash.textContent = `Seed ${verdict.seed}${byHand(verdict)} ended in state ${verdict.hash.slice(0, 16)}`;
+    const what = verdict.played === null ? `Seed ${verdict.seed}${byHand(verdict)}` : `Demonstration: ${verdict.played}`;
+    this.#note(`${what} ended in state ${verdict.hash.slice(0, 16)}`);
     this.#hash.title = verdict.hash;
     showTally(verdict.tally);
     this.#showPhases();
+  }
+
+  #note(text: string): void {
+    this.#hash.hidden = false;
+    this.#hash.textContent = text;
   }
 
   #showPhases(): void {
