@@ -48,3 +48,28 @@ fn the_sugar_box_is_lifted_in_every_repeat() {
 fn the_bleach_bottle_is_lifted_in_nearly_every_repeat() {
     lifts_again("bleach", 18);
 }
+
+/// The cheap world judges as the full one does, grasp by grasp, also beside the place.
+#[test]
+fn the_hand_alone_agrees_with_arm_and_hand() {
+    let robot = Robot::standard().unwrap();
+    let (mut agree, mut tried) = (0, 0);
+    for name in ["sugar_box", "bleach"] {
+        let object = Object::built_in(name).unwrap();
+        for grasp in built_in(name).unwrap().grasps {
+            let Some(planned) = Planned::easiest(&robot, &object, &grasp).unwrap() else {
+                continue;
+            };
+            // Far enough beside that some are lost.
+            let beside = [0.0, if tried % 2 == 0 { 0.0 } else { 0.02 }, 0.0];
+            let lifts = |physics| {
+                let outcome = planned.try_beside(physics, beside, Endurance::BRIEF).unwrap();
+                matches!(outcome, TrialOutcome::Lifted { .. })
+            };
+            agree += usize::from(lifts(Physics::Hand) == lifts(Physics::Full));
+            tried += 1;
+        }
+    }
+    println!("{agree} of {tried} agree");
+    assert!(tried >= 20 && agree + 1 >= tried, "{agree} of {tried} agree");
+}

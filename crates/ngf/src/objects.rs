@@ -36,11 +36,14 @@ pub(crate) struct ObjectOptions {
     #[arg(long, value_name = "NAME", conflicts_with = "mesh")]
     object: Option<String>,
     /// Mesh file: OBJ, STL, PLY or GLB.
-    #[arg(long, value_name = "FILE", requires = "mass")]
+    #[arg(long, value_name = "FILE")]
     mesh: Option<PathBuf>,
     /// Mass (kg) of the mesh.
     #[arg(long, value_name = "KG")]
     mass: Option<f32>,
+    /// Density (kg/m³) of the mesh instead of its mass.
+    #[arg(long, value_name = "KG_M3", conflicts_with = "mass")]
+    density: Option<f32>,
     /// Friction coefficient instead of the object's own.
     #[arg(long, value_name = "MU")]
     friction: Option<f32>,
@@ -61,10 +64,7 @@ impl ObjectOptions {
         let (name, object) = match (&self.object, &self.mesh) {
             (Some(name), None) => (name.clone(), dataset::generate::built_in_object(name)?),
             (None, Some(path)) => {
-                let mass = self.mass.context("a mesh needs --mass")?;
-                if !(mass.is_finite() && mass > 0.0) {
-                    bail!("--mass must be a positive number of kilograms, found {mass}");
-                }
+                let heaviness = self.heaviness()?;
                 let bytes =
                     read(path).with_context(|| format!("cannot read {}", path.display()))?;
                 let import = mesh::import(&bytes, None)
@@ -72,10 +72,18 @@ impl ObjectOptions {
                 let parts = mesh::convex_parts_or_hull(&import.mesh).hulls;
                 let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
                 let closed = import.healing.watertight;
+                let mass = match heaviness {
+                    Heaviness::Mass(mass) => mass,
+                    Heaviness::Density(density) => {
+                        density * mesh::solid(&import.mesh, closed)?.volume as f32
+                    }
+                };
                 let object = Object::new(&name, import.mesh, closed, parts, mass, FRICTION)?;
                 (name, object)
             }
-            _ => bail!("name an object with --object, or a mesh file with --mesh and --mass"),
+            _ => bail!(
+                "name an object with --object, or a mesh file with --mesh and --mass or --density"
+            ),
         };
         Ok(match self.friction {
             Some(friction) if !(friction.is_finite() && friction >= 0.0) => {
@@ -84,6 +92,30 @@ impl ObjectOptions {
             Some(friction) => (name, object.with_friction(friction)),
             None => (name, object),
         })
+    }
+}
+
+/// How heavy a mesh is.
+enum Heaviness {
+    /// In kilograms.
+    Mass(f32),
+    /// In kilograms a cubic metre.
+    Density(f32),
+}
+
+impl ObjectOptions {
+    fn heaviness(&self) -> Result<Heaviness> {
+        let positive = |name: &str, value: f32, unit: &str| {
+            if value.is_finite() && value > 0.0 {
+                return Ok(value);
+            }
+            bail!("--{name} must be a positive number of {unit}, found {value}")
+        };
+        match (self.mass, self.density) {
+            (Some(mass), _) => positive("mass", mass, "kilograms").map(Heaviness::Mass),
+            (None, Some(density)) => positive("density", density, "kg/m³").map(Heaviness::Density),
+            (None, None) => bail!("a mesh needs --mass KG, or --density KG_M3"),
+        }
     }
 }
 

@@ -80,3 +80,24 @@ fn an_extension_does_not_matter() {
     let said = complaint(folder.path(), "box.stl", cube.as_bytes());
     assert!(said.contains("the planner knows no grasps of box"), "{said}");
 }
+
+#[test]
+fn a_mesh_needs_a_mass_or_a_density() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("box.obj");
+    std::fs::write(
+        &file,
+        "v 0 0 0\nv 40 0 0\nv 0 60 0\nv 0 0 90\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n",
+    )
+    .unwrap();
+    let says = |more: &[&str]| {
+        let mut ngf = Command::new(env!("CARGO_BIN_EXE_ngf"));
+        ngf.args(["evaluate", "--model", "planner", "--attempts", "1", "--mesh"]).arg(&file);
+        String::from_utf8_lossy(&ngf.args(more).output().unwrap().stderr).into_owned()
+    };
+    assert!(says(&[]).contains("needs --mass KG, or --density"));
+    assert!(says(&["--mass", "0"]).contains("--mass must be a positive number"));
+    assert!(says(&["--density", "nan"]).contains("--density must be a positive number"));
+    // With a density it is an object; the planner has no grasps of it, which is another matter.
+    assert!(says(&["--density", "500"]).contains("the planner knows no grasps of box"));
+}
