@@ -53,7 +53,7 @@ fn the_bleach_bottle_is_lifted_in_nearly_every_repeat() {
 #[test]
 fn the_hand_alone_agrees_with_arm_and_hand() {
     let robot = Robot::standard().unwrap();
-    let (mut agree, mut tried) = (0, 0);
+    let (mut agree, mut tried, mut lost) = (0, 0, 0);
     for name in ["sugar_box", "bleach"] {
         let object = Object::built_in(name).unwrap();
         for grasp in built_in(name).unwrap().grasps {
@@ -61,15 +61,18 @@ fn the_hand_alone_agrees_with_arm_and_hand() {
                 continue;
             };
             // Far enough beside that some are lost.
-            let beside = [0.0, if tried % 2 == 0 { 0.0 } else { 0.02 }, 0.0];
+            let beside = [0.0, if tried % 2 == 0 { 0.0 } else { 0.03 }, 0.0];
             let lifts = |physics| {
                 let outcome = planned.try_beside(physics, beside, Endurance::BRIEF).unwrap();
                 matches!(outcome, TrialOutcome::Lifted { .. })
             };
-            agree += usize::from(lifts(Physics::Hand) == lifts(Physics::Full));
+            let [hand, full] = [Physics::Hand, Physics::Full].map(lifts);
+            agree += usize::from(hand == full);
+            lost += usize::from(!full);
             tried += 1;
         }
     }
-    println!("{agree} of {tried} agree");
-    assert!(tried >= 20 && agree + 1 >= tried, "{agree} of {tried} agree");
+    println!("{agree} of {tried} agree, {lost} are lost");
+    assert!(tried >= 20 && agree + 2 >= tried, "{agree} of {tried} agree");
+    assert!(lost >= 3, "only {lost} are lost: a world that lifts everything would agree, too");
 }

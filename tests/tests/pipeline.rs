@@ -18,12 +18,13 @@ fn a_tiny_model_is_made_and_acts() {
     let robot = Robot::standard().unwrap();
     let config = DatasetConfig::preset("smoke", 1).unwrap();
     let objects = built_in_objects(config.all_objects()).unwrap();
-    let dataset = Dataset::create(&data, config.clone(), false).unwrap();
+    let dataset = Dataset::create(&data, config.clone(), &objects, false).unwrap();
     dataset.generate(&robot, &objects, &Alone).unwrap();
     let rows = dataset.verify(&|_, _| ()).unwrap();
     let records = dataset.poses(0).unwrap();
     assert_eq!(rows, records.iter().map(|record| record.offsets.last().unwrap()).sum::<usize>());
-    let other = Dataset::create(&data, DatasetConfig { seed: 2, ..config }, false);
+    let other = DatasetConfig { seed: 2, ..config };
+    let other = Dataset::create(&data, other, &objects, false);
     assert!(other.err().unwrap().to_string().contains("another configuration"));
 
     let steps = AutoencoderConfig { steps: 4, batch: 4, ..AutoencoderConfig::standard() };

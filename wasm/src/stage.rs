@@ -166,12 +166,14 @@ impl Stage {
         } else {
             Some(upload::built_in(&file.name).map_err(|_| {
                 let cause = format!("it was made with \"{}\", which is not here", file.name);
-                unusable(cause, "Load that object's mesh first.")
+                unusable(cause, "Load that object's mesh first; its mass must be the one it was made with, too.")
             })?)
         };
         let object = loaded.as_ref().map_or(&self.loaded.object, |loaded| &loaded.object);
         let attempt = file.begin(&self.workcell, object).map_err(|error| {
-            unusable(error.to_string(), "Make the dataset again with this version of the program.")
+            let cure =
+                "Make the dataset with this version of the program, and objects as they are.";
+            unusable(error.to_string(), cure)
         })?;
         if let Some(loaded) = loaded {
             self.load(loaded);

@@ -1,7 +1,7 @@
 //! Putting the parts of a dataset together: rows and episodes, attempts and poses, summary and manifest.
 
 use crate::folder::{CLOUD_BLOCK, Dataset};
-use crate::generate::{Objects, Observer, go_on};
+use crate::generate::{Objects, Observer, Stage};
 use crate::lerobot::{self, ACTION, Episode, Moments, data_path};
 use crate::manifest::{Manifest, PARTS};
 use crate::part::{Attempt, CLOUD, Fate, Part, STATE};
@@ -10,10 +10,8 @@ use crate::summary::Summary;
 use crate::table::{self, Column, Columns};
 use anyhow::{Context, Result};
 use grasps::Robot;
-use rayon::prelude::*;
 use robot::DOF;
 use std::collections::BTreeMap;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 impl Dataset {
     /// Writes all files but those of the parts, the manifest last.
@@ -90,19 +88,14 @@ impl Dataset {
             episode += count;
             row += part.offsets.last().copied().unwrap_or(0);
         }
-        let (done, total) = (AtomicUsize::new(0), files.len());
-        files.into_par_iter().try_for_each(|(file, poses)| {
-            let path = data_path(&self.dir, file);
-            if !path.exists() {
-                go_on(observer)?;
-                let groups = poses.iter().map(|&[object, pose, episode, row]| {
-                    let part = self.part(&self.config.objects[object], pose)?;
-                    Ok(lerobot::rows(&part, object, episode, row))
-                });
-                table::write(&path, groups, None)?;
-            }
-            observer.progress("files", done.fetch_add(1, Ordering::Relaxed) + 1, total);
-            Ok(())
+        let files: Vec<_> = files.into_iter().collect();
+        let path = |i: usize| data_path(&self.dir, files[i].0);
+        Stage::new("files of rows", files.len(), observer, path).write(|i, path| {
+            let groups = files[i].1.iter().map(|&[object, pose, episode, row]| {
+                let part = self.part(&self.config.objects[object], pose)?;
+                Ok(lerobot::rows(&part, object, episode, row))
+            });
+            table::write(path, groups, None)
         })
     }
 

@@ -19,6 +19,9 @@ const HOPELESS: usize = 3;
 /// Attempts at a pose, as many times the demonstrations that are wanted.
 const PATIENCE: usize = 2;
 
+/// More than the targets of any pose.
+const MOST_TARGETS: usize = 1 << 20;
+
 /// Greatest error of Eq. 6 and 7 in a row, before rounding to the disk's precision.
 const ROW_ERROR: f64 = 1e-9;
 
@@ -35,6 +38,8 @@ pub(crate) struct Post<'a> {
     pub(crate) grasps: &'a [Grasp],
     pub(crate) setting: Setting<'a>,
     pub(crate) pose: [f32; 3],
+    /// Index of the pose.
+    pub(crate) index: usize,
     /// A generator of its own for what is named by a word and an index.
     pub(crate) rng: &'a dyn Fn(&str, usize) -> ChaCha8Rng,
 }
@@ -58,7 +63,8 @@ impl Post<'_> {
         let Some(lift) = demonstration::lift_of(&self.setting, posture)? else { return Ok(0) };
         let palm = robot.tree.kinematics(&posture.touch).palm();
         let trajectories = TrajectoryConfig::standard();
-        let (mut kept, mut replayed) = (0, 0);
+        let mut kept = 0;
+        let mut audited = part.attempts.iter().filter(|before| before.full.is_some()).count();
         for target in 0..PATIENCE * self.config.trajectories {
             if kept == self.config.trajectories || (kept == 0 && target == HOPELESS) {
                 break;
@@ -77,14 +83,15 @@ impl Post<'_> {
                 if let TrialOutcome::Lifted { slip } = outcome {
                     attempt.slip = slip;
                 }
-                replayed += 1;
-                if replayed <= self.config.audits {
+                if audited < self.config.audits {
+                    audited += 1;
                     self.audit(&found, &lift, &mut attempt)?;
                 }
                 if attempt.fate == Fate::Kept {
                     kept += 1;
                     part.push(&found);
                     if kept <= self.config.perturbed {
+                        let mut rng = (self.rng)("perturbed", self.index * MOST_TARGETS + target);
                         attempt.perturbed = Some(self.perturbed(&found, &lift, &mut rng)?);
                     }
                 }

@@ -1,6 +1,7 @@
 //! A dataset's folder: making it, opening it, reading what a learner needs.
 
 use crate::config::{DatasetConfig, VERSION};
+use crate::generate::Objects;
 use crate::lerobot::data_path;
 use crate::manifest::{self, MANIFEST, Manifest, PARTS};
 use crate::part::{CLOUD, STATE};
@@ -38,6 +39,25 @@ pub struct PoseRecord {
     pub clouds: Vec<Vec<f32>>,
 }
 
+/// All that decides the bytes of a dataset, but for the program.
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Inputs {
+    /// What it is asked for.
+    pub config: DatasetConfig,
+    /// BLAKE3 of scene file and robot description, hex.
+    pub scene: String,
+    /// BLAKE3 of each object's shape, mass and friction, hex.
+    pub objects: BTreeMap<String, String>,
+}
+
+impl Inputs {
+    pub(crate) fn of(config: &DatasetConfig, objects: &Objects) -> Self {
+        let hashes = objects.iter().map(|(name, object)| (name.clone(), object.hash()));
+        let scene = scene::config::scene_hash();
+        Self { config: config.clone(), scene, objects: hashes.collect() }
+    }
+}
+
 /// One kept demonstration.
 #[derive(Clone, Debug)]
 pub struct Kept {
@@ -61,19 +81,26 @@ pub(crate) const CLOUDS_PER_FILE: usize = 100;
 const EPISODES_PER_FILE: usize = 4096;
 
 impl Dataset {
-    /// Opens a folder in which to make the dataset; it may be new, empty, or hold a part of this very
-    /// dataset if `may_resume`.
-    pub fn create(dir: &Path, config: DatasetConfig, may_resume: bool) -> Result<Self> {
+    /// Opens a folder in which to make the dataset of these objects; it may be new, empty, or hold a part of
+    /// this very dataset if `may_resume`.
+    pub fn create(
+        dir: &Path,
+        config: DatasetConfig,
+        objects: &Objects,
+        may_resume: bool,
+    ) -> Result<Self> {
         std::fs::create_dir_all(dir).with_context(|| format!("cannot make {}", dir.display()))?;
         manifest::refuse_foreign(dir)?;
         let path = dir.join("config.json");
-        let wanted = serde_json::to_string_pretty(&config)?;
+        let inputs = Inputs::of(&config, objects);
+        let wanted = serde_json::to_string_pretty(&inputs)?;
         if path.exists() {
             let found = std::fs::read_to_string(&path)
                 .with_context(|| format!("cannot read {}", path.display()))?;
             if found != wanted {
                 bail!(
-                    "{} holds a dataset of another configuration; choose another folder",
+                    "{} holds a dataset of another configuration, scene or object (mesh, mass, \
+                     friction); choose another folder",
                     dir.display()
                 );
             }
@@ -92,9 +119,10 @@ impl Dataset {
         let path = dir.join("config.json");
         let text = std::fs::read_to_string(&path)
             .with_context(|| format!("{} is no dataset: it has no config.json", dir.display()))?;
-        let config: DatasetConfig = serde_json::from_str(&text).with_context(|| {
+        let inputs: Inputs = serde_json::from_str(&text).with_context(|| {
             format!("{} is not of version {VERSION}: make the dataset again", path.display())
         })?;
+        let config = inputs.config;
         if config.version != VERSION {
             let version = config.version;
             bail!("{} is of version {version}, not {VERSION}: make it again", path.display());
@@ -150,7 +178,7 @@ impl Dataset {
                 before += kept;
             }
         }
-        bail!("{} has {before} episodes, 0 to {}", self.dir.display(), before.max(1) - 1)
+        bail!("{} has {before} episodes, counted from 0", self.dir.display())
     }
 
     /// Demonstrations of each pose of an object.

@@ -16,6 +16,7 @@ use grasps::search::{GraspSet, SearchConfig, search};
 use grasps::{Robot, Setting, built_in};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Objects by name.
@@ -41,9 +42,6 @@ impl Observer for Alone {
     }
 }
 
-/// Object poses that are worked on in order before the next ones.
-const BLOCK: usize = 4;
-
 impl Dataset {
     /// Makes everything that is not there yet, on the threads of the current pool.
     pub fn generate(
@@ -65,25 +63,20 @@ impl Dataset {
 
     /// The grasps of every object: those of the project, or found by search.
     fn make_grasps(&self, robot: &Robot, objects: &Objects, observer: &dyn Observer) -> Result<()> {
-        let done = AtomicUsize::new(0);
-        let total = self.config.objects.len();
-        observer.progress("grasps", 0, total);
-        self.config.objects.par_iter().by_uniform_blocks(BLOCK).try_for_each(|name| {
-            let path = self.grasps_path(name);
-            if !path.exists() {
-                go_on(observer)?;
-                let object = object(objects, name)?;
-                let set = match built_in::built_in(name) {
-                    Some(set) => set,
-                    None => {
-                        let config = SearchConfig::paper(robot);
-                        search(robot, object, &config, self.config.seed, |_| ())?.0
-                    }
-                };
-                store::write(&path, &serde_json::to_vec_pretty(&set)?)?;
-            }
-            observer.progress("grasps", done.fetch_add(1, Ordering::Relaxed) + 1, total);
-            Ok(())
+        let names = &self.config.objects;
+        let stage = Stage::new("grasps", names.len(), observer, |i| self.grasps_path(&names[i]));
+        stage.make(|i| {
+            let object = object(objects, &names[i])?;
+            // A mesh of somebody else's may have the name of one of ours.
+            let ours = Object::built_in(&names[i]).filter(|ours| ours.hash() == object.hash());
+            let set = match ours.and_then(|_| built_in::built_in(&names[i])) {
+                Some(set) => set,
+                None => {
+                    let config = SearchConfig::paper(robot);
+                    search(robot, object, &config, self.config.seed, |_| ())?.0
+                }
+            };
+            Ok(serde_json::to_vec_pretty(&set)?)
         })
     }
 
@@ -103,20 +96,15 @@ impl Dataset {
         observer: &dyn Observer,
     ) -> Result<()> {
         let names = &self.config.encoder_objects;
-        let (files, wanted) = (self.cloud_files(), self.config.encoder_clouds);
-        let done = AtomicUsize::new(0);
-        (0..files * names.len()).into_par_iter().try_for_each(|i| {
-            let (name, file) = (&names[i / files], i % files);
-            let count = CLOUDS_PER_FILE.min(wanted - file * CLOUDS_PER_FILE);
-            let path = self.cloud_path(name, file);
-            if !path.exists() {
-                go_on(observer)?;
-                let mut rng = self.rng("cloud", name, file);
-                store::write(&path, &viewer.anywhere(object(objects, name)?, count, &mut rng)?)?;
-            }
-            let done = done.fetch_add(count, Ordering::Relaxed) + count;
-            observer.progress("clouds", done, wanted * names.len());
-            Ok(())
+        let files = self.cloud_files();
+        let place = |i: usize| (&names[i / files], i % files);
+        let path = |i| self.cloud_path(place(i).0, place(i).1);
+        let stage = Stage::new("hundreds of clouds", files * names.len(), observer, path);
+        stage.make(|i| {
+            let (name, file) = place(i);
+            let left = self.config.encoder_clouds - file * CLOUDS_PER_FILE;
+            let mut rng = self.rng("cloud", name, file);
+            viewer.anywhere(object(objects, name)?, left.min(CLOUDS_PER_FILE), &mut rng)
         })
     }
 
@@ -129,21 +117,14 @@ impl Dataset {
     ) -> Result<()> {
         let names = &self.config.objects;
         let sets = names.iter().map(|name| self.grasps(name)).collect::<Result<Vec<_>>>()?;
-        let (done, total) = (AtomicUsize::new(0), self.config.poses * names.len());
-        observer.progress("demonstrations", 0, total);
-        let work: Vec<usize> = (0..total).collect();
-        work.par_iter().by_uniform_blocks(BLOCK).try_for_each(|i| {
-            let (which, index) = (i % names.len(), i / names.len());
-            let name = &names[which];
-            let path = self.part_path(name, index);
-            if !path.exists() {
-                go_on(observer)?;
-                let part =
-                    self.make_part(viewer, name, object(objects, name)?, &sets[which], index)?;
-                store::write(&path, &part.encode()?)?;
-            }
-            observer.progress("demonstrations", done.fetch_add(1, Ordering::Relaxed) + 1, total);
-            Ok(())
+        let place = |i: usize| (i % names.len(), i / names.len());
+        let path = |i| self.part_path(&names[place(i).0], place(i).1);
+        let total = self.config.poses * names.len();
+        let stage = Stage::new("object poses", total, observer, path);
+        stage.make(|i| {
+            let (which, index) = place(i);
+            let (name, set) = (&names[which], &sets[which]);
+            self.make_part(viewer, name, object(objects, name)?, set, index)?.encode()
         })
     }
 
@@ -168,6 +149,7 @@ impl Dataset {
             grasps: &set.grasps,
             setting: Setting::new(robot, object, &robot.config.upright(x, y, yaw)),
             pose,
+            index,
             rng: &|kind, index| self.rng(kind, name, index),
         };
         post.demonstrate(&mut part)?;
@@ -175,16 +157,48 @@ impl Dataset {
     }
 }
 
-fn object<'a>(objects: &'a Objects, name: &str) -> Result<&'a Object> {
-    objects.get(name).with_context(|| format!("there is no object named {name}"))
+/// Things of one kind, a file each, of which those are made that are missing.
+pub(crate) struct Stage<'a, P> {
+    name: &'a str,
+    total: usize,
+    missing: Vec<usize>,
+    observer: &'a dyn Observer,
+    path: P,
 }
 
-/// An error if the work is to stop.
-pub(crate) fn go_on(observer: &dyn Observer) -> Result<()> {
-    if observer.is_stopped() {
-        bail!("stopped; what is made is kept, and --resume goes on");
+impl<'a, P: Fn(usize) -> PathBuf + Sync> Stage<'a, P> {
+    /// Looks which of `total` files are missing.
+    pub(crate) fn new(name: &'a str, total: usize, observer: &'a dyn Observer, path: P) -> Self {
+        let missing: Vec<usize> = (0..total).filter(|i| !path(*i).exists()).collect();
+        observer.progress(name, total - missing.len(), total);
+        Self { name, total, missing, observer, path }
     }
-    Ok(())
+
+    /// Writes the bytes that `make` gives for each.
+    pub(crate) fn make(&self, make: impl Fn(usize) -> Result<Vec<u8>> + Sync + Send) -> Result<()> {
+        self.write(|i, path| store::write(path, &make(i)?))
+    }
+
+    /// Lets `write` write each.
+    pub(crate) fn write(
+        &self,
+        write: impl Fn(usize, &Path) -> Result<()> + Sync + Send,
+    ) -> Result<()> {
+        let done = AtomicUsize::new(self.total - self.missing.len());
+        self.missing.par_iter().with_max_len(1).try_for_each(|&i| {
+            if self.observer.is_stopped() {
+                bail!("stopped; what is made is kept, and --resume goes on");
+            }
+            write(i, &(self.path)(i))?;
+            let done = done.fetch_add(1, Ordering::Relaxed) + 1;
+            self.observer.progress(self.name, done, self.total);
+            Ok(())
+        })
+    }
+}
+
+fn object<'a>(objects: &'a Objects, name: &str) -> Result<&'a Object> {
+    objects.get(name).with_context(|| format!("there is no object named {name}"))
 }
 
 /// Built-in objects by name.

@@ -201,7 +201,13 @@ impl Moments {
     }
 
     fn json(&self) -> Value {
-        let count = self.count.max(1) as f64;
+        if self.count == 0 {
+            // JSON has no infinities.
+            let zeros = vec![0.0; self.sum.len()];
+            let of = || zeros.clone();
+            return json!({ "min": of(), "max": of(), "mean": of(), "std": of(), "count": [0] });
+        }
+        let count = self.count as f64;
         let mean: Vec<f64> = self.sum.iter().map(|sum| sum / count).collect();
         let spread = self.squares.iter().zip(&mean);
         let std: Vec<f64> =

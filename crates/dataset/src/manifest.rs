@@ -1,10 +1,10 @@
 //! The manifest: every file with its hash, what made it, and one hash that names the whole.
 
 use crate::config::DatasetConfig;
+use crate::folder::Inputs;
+use crate::generate::Objects;
 use crate::store;
 use anyhow::{Context, Result, bail, ensure};
-use geometry::object::Object;
-use std::collections::BTreeMap;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
@@ -27,12 +27,9 @@ pub struct FileEntry {
 pub struct Manifest {
     /// Program that made it.
     pub generator: String,
-    /// What it was asked for.
-    pub config: DatasetConfig,
-    /// BLAKE3 of scene file and robot description, hex.
-    pub scene: String,
-    /// BLAKE3 of each object's shape, mass and friction, hex.
-    pub objects: BTreeMap<String, String>,
+    /// What it was made of.
+    #[serde(flatten)]
+    pub inputs: Inputs,
     /// All files but the manifest, by path.
     pub files: Vec<FileEntry>,
     /// BLAKE3 over everything above, hex.
@@ -41,20 +38,14 @@ pub struct Manifest {
 
 impl Manifest {
     /// Takes stock of a folder.
-    pub(crate) fn of(
-        dir: &Path,
-        config: &DatasetConfig,
-        objects: &BTreeMap<String, Object>,
-    ) -> Result<Self> {
+    pub(crate) fn of(dir: &Path, config: &DatasetConfig, objects: &Objects) -> Result<Self> {
         let mut files = Vec::new();
         for path in contents(dir)?.into_iter().filter(|path| is_hashed(path)) {
             files.push(entry(dir, &path)?);
         }
         let mut manifest = Self {
             generator: format!("ngf-grasp {}", env!("CARGO_PKG_VERSION")),
-            config: config.clone(),
-            scene: scene::config::scene_hash(),
-            objects: objects.iter().map(|(name, object)| (name.clone(), object.hash())).collect(),
+            inputs: Inputs::of(config, objects),
             files,
             hash: String::new(),
         };
@@ -204,7 +195,7 @@ mod tests {
         store::write(&folder.path().join("meta/info.json"), b"{}").unwrap();
         store::write(&folder.path().join("log.jsonl"), b"one\n").unwrap();
         let config = DatasetConfig::preset("smoke", 0).unwrap();
-        let manifest = Manifest::of(folder.path(), &config, &BTreeMap::new()).unwrap();
+        let manifest = Manifest::of(folder.path(), &config, &Objects::new()).unwrap();
         manifest.write(folder.path()).unwrap();
         (folder, manifest)
     }

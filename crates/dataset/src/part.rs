@@ -13,7 +13,7 @@ pub const STATE: usize = 2 * DOF;
 /// Points in a cloud.
 pub const CLOUD: usize = 512;
 
-/// What became of an attempt at a demonstration; `KINDS` gives the names in the files.
+/// What became of an attempt at a demonstration; [`Fate::ALL`] gives the names in the files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Fate {
     /// Replayed and lifted.
@@ -50,11 +50,6 @@ impl Fate {
     /// Its name in the files.
     pub fn name(self) -> &'static str {
         Self::ALL[self as usize].1
-    }
-
-    /// Whether physics replayed the attempt.
-    pub fn is_replayed(self) -> bool {
-        !matches!(self, Self::Stuck | Self::Short | Self::Penetrates)
     }
 
     pub(crate) fn of_flaw(flaw: Flaw) -> Self {
@@ -101,7 +96,8 @@ pub struct Attempt {
     pub touch: usize,
     /// How often the fabric got stuck before.
     pub restarts: usize,
-    /// Least gap (m) of the robot's collision shapes from object and table before `touch`.
+    /// Least gap (m) of the robot's collision shapes from object and table up to `touch`: negative in
+    /// penetration.
     pub clearance: f32,
     /// Root mean square of the joint jerk (rad/s³), norm over all joints, before `touch`.
     pub jerk: f32,

@@ -9,11 +9,11 @@ use std::collections::BTreeMap;
 pub struct Summary {
     /// Poses of the object.
     pub poses: usize,
-    /// Of these, without any grasp within reach.
+    /// Of these, without any attempt: no grasp is within reach, or there is none at all.
     pub out_of_reach: usize,
     /// Poses with enough kept demonstrations: a quarter of those that are wanted.
     pub enough: usize,
-    /// Least share of poses with enough, over eight sectors of yaw and over the quarters of the workspace.
+    /// Least share of poses with enough, over eight sectors of yaw.
     pub least_sector: f32,
     /// The same over the quarters of the workspace.
     pub least_quarter: f32,
@@ -33,7 +33,8 @@ pub struct Summary {
     pub seconds: [f32; 2],
     /// Root mean square of their jerk (rad/s³) before `touch`: median, 9 of 10.
     pub jerk: [f32; 2],
-    /// Gap (m) of the robot from object and table before `touch`: least, median.
+    /// Least gap (m) of the robot from object and table up to `touch`, where the fingers come close: least,
+    /// median.
     pub clearance: [f32; 2],
     /// Slip (m) of the object in the hand: median, 9 of 10.
     pub slip: [f32; 2],
@@ -133,7 +134,7 @@ fn table(pairs: impl Iterator<Item = [Fate; 2]>) -> [[usize; 2]; 2] {
 fn quantile(values: &mut [f32], share: f32) -> f32 {
     values.sort_by(f32::total_cmp);
     let last = values.len().saturating_sub(1);
-    values.get((last as f32 * share) as usize).copied().unwrap_or(0.0)
+    values.get(libm::ceilf(last as f32 * share) as usize).copied().unwrap_or(0.0)
 }
 
 #[cfg(test)]

@@ -11,11 +11,12 @@ use robot::{FINGERS, HAND, Isometry, Tree, Vector};
 #[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GraspFile {
-    /// Name of the object.
+    /// Name of the object, for people.
     pub object: String,
     /// Factor that makes the object's metres of the numbers in `palm`; 1 for metres.
     pub scale: f64,
-    /// Extent (m) of the object's bounding box along x, y, z: the check of frame and scale.
+    /// Extent of the object's bounding box along x, y, z, in the numbers of `palm`: times `scale` it must be
+    /// the object's, which checks frame and scale.
     pub size: [f64; 3],
     /// Names of the hand's joints, in the order of `joints`.
     pub joint_names: Vec<String>,
@@ -95,10 +96,11 @@ impl GraspFile {
     /// The file's grasps on `object`, joints in the robot's order.
     pub fn read(&self, tree: &Tree, object: &Object) -> Result<Vec<Imported>, ImportError> {
         let wanted = (object.bounds[1] - object.bounds[0]).to_array();
-        let off = |i: usize| (self.size[i] - f64::from(wanted[i])).abs();
+        let found = self.size.map(|size| size * self.scale);
+        let off = |i: usize| (found[i] - f64::from(wanted[i])).abs();
         if !(0..3).all(|i| off(i) <= SIZE_ERROR) {
             let name = object.name.clone();
-            return Err(ImportError::Size { name, wanted, found: self.size });
+            return Err(ImportError::Size { name, wanted, found });
         }
         let names: Vec<String> =
             tree.joints[robot::ARM..].iter().map(|joint| joint.name.clone()).collect();
@@ -156,7 +158,7 @@ impl GraspFile {
 }
 
 impl Imported {
-    /// How it is closed: from its own posture, and without backing off.
+    /// How it is closed: from its own posture; a palm that collides backs off by 12 mm at most.
     pub(crate) fn config(&self, standard: &ProposalConfig) -> ProposalConfig {
         ProposalConfig { open: self.open, retreat_steps: 3, ..standard.clone() }
     }
@@ -168,7 +170,7 @@ mod tests {
     use crate::built_in::built_in;
 
     fn file(tree: &Tree, object: &Object) -> GraspFile {
-        let size = (object.bounds[1] - object.bounds[0]).to_array().map(f64::from);
+        let size = (object.bounds[1] - object.bounds[0]).to_array().map(|x| 10.0 * f64::from(x));
         let grasp = &built_in("sugar_box").unwrap().grasps[0];
         let at = grasp.object_from_palm.translation.vector * 10.0;
         let turn = grasp.object_from_palm.rotation.coords;
@@ -215,7 +217,8 @@ mod tests {
         );
         assert!(error(&|f| f.grasps[0].palm[6] = 3.0).contains("quaternion"));
         assert!(error(&|f| f.grasps[0].palm[0] = f64::NAN).contains("no number"));
-        assert!(error(&|f| f.scale = 10.0).contains("check the scale"));
+        assert!(error(&|f| f.scale = 10.0).contains("check frame and scale"));
+        assert!(error(&|f| f.grasps[0].palm[2] = 90.0).contains("check the scale"));
         assert!(error(&|f| f.grasps[0].joints[5] = 4.0).contains("beyond its limits"));
         assert!(GraspFile::parse(b"{}").unwrap_err().to_string().contains("missing field"));
     }

@@ -312,7 +312,7 @@ impl<'a> Search<'a> {
         let (mut sound, mut tried) = (Vec::new(), 0);
         loop {
             let chosen = kind::kinds(self.object, &left, &reach, self.config.kinds);
-            let place = |grasp: &Grasp| grasp.object_from_palm;
+            let place = |grasp: &Grasp| (grasp.object_from_palm, grasp.touch, grasp.squeeze);
             let new = chosen.iter().find(|grasp| !sound.contains(&place(grasp)));
             let Some(new) = new else { return Ok((chosen, [tried, sound.len()])) };
             progress(sound.len() as f32 / chosen.len() as f32);

@@ -141,16 +141,16 @@ impl Motion<'_> {
         }
         for pair in rows.windows(2) {
             scene.follow(&pair[0], &pair[1]);
+            // What is not finite would look as if it leaned on something.
+            if !scene.is_finite() {
+                return TrialOutcome::NotFinite;
+            }
             hold.observe(scene);
             if let Some(loss) = hold.loss(scene, &config.attempt) {
                 return TrialOutcome::Lost(loss);
             }
         }
-        if scene.is_finite() {
-            TrialOutcome::Lifted { slip: hold.slip }
-        } else {
-            TrialOutcome::NotFinite
-        }
+        TrialOutcome::Lifted { slip: hold.slip }
     }
 }
 

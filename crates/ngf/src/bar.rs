@@ -16,6 +16,14 @@ impl Bar {
         Self(bar)
     }
 
+    /// A bar of `total` things, of which `done` were there before: they do not count for the rate.
+    pub(crate) fn begun(stage: &str, done: usize, total: usize) -> Self {
+        let bar = Self::new(stage, total);
+        bar.set(done);
+        bar.0.reset_eta();
+        bar
+    }
+
     /// So many are done.
     pub(crate) fn set(&self, done: usize) {
         self.0.set_position(done as u64);

@@ -112,7 +112,7 @@ fn make(options: &Make) -> Result<()> {
         .num_threads(options.threads)
         .build_global()
         .context("cannot start the threads; try fewer with --threads")?;
-    let dataset = Dataset::create(out, config, options.resume)?;
+    let dataset = Dataset::create(out, config, &objects, options.resume)?;
     let watch = Watch::new(out);
     let robot = Robot::standard()?;
     let manifest = dataset.generate(&robot, &objects, watch)?;
@@ -171,6 +171,9 @@ impl Watch {
         stage.bar.clear();
         let seconds = stage.begin.elapsed().as_secs_f64();
         let made = stage.done - stage.first;
+        if made == 0 {
+            return;
+        }
         println!("{}: {made} in {seconds:.1} s, {:.1}/s", stage.name, made as f64 / seconds);
         let line = serde_json::json!({
             "stage": stage.name, "made": made, "seconds": seconds,
@@ -187,7 +190,7 @@ impl Observer for Watch {
         let Ok(mut stage) = self.stage.lock() else { return };
         if stage.as_ref().is_none_or(|stage| stage.name != name) {
             self.close(stage.take());
-            let (bar, begin) = (Bar::new(name, total), Instant::now());
+            let (bar, begin) = (Bar::begun(name, done, total), Instant::now());
             *stage = Some(Stage { name: name.to_owned(), bar, begin, first: done, done });
         }
         if let Some(stage) = stage.as_mut() {
@@ -212,7 +215,7 @@ fn info(dir: &Path, is_json: bool) -> Result<()> {
     }
     print_counts(&summary);
     let (megabytes, files) = (manifest.bytes() as f64 / 1e6, manifest.files.len());
-    println!("seed {}, {}", manifest.config.seed, manifest.generator);
+    println!("seed {}, {}", manifest.inputs.config.seed, manifest.generator);
     println!("{files} files, {megabytes:.1} MB, hash {}", manifest.hash);
     Ok(())
 }
@@ -252,7 +255,7 @@ fn print_counts(summary: &std::collections::BTreeMap<String, Summary>) {
             1e3 * s.slip[1]
         );
         println!(
-            "  least gap before touch {:.2} mm, median {:.2} mm; restarts at most {}",
+            "  least gap up to touch {:.2} mm, median {:.2} mm; restarts at most {}",
             1e3 * s.clearance[0],
             1e3 * s.clearance[1],
             s.restarts
@@ -267,10 +270,12 @@ fn share(k: usize, n: usize) -> f64 {
 fn show(dir: &Path, out: Option<&Path>) -> Result<()> {
     let (dataset, robot) = (Dataset::open(dir)?, Robot::standard()?);
     // Of an object that is not built in, everything is drawn but itself.
-    let known =
-        dataset.config.objects.iter().filter_map(|name| {
-            Some((name.clone(), dataset::generate::built_in_object(name).ok()?))
-        });
+    let manifest = Manifest::read(dir)?;
+    let known = dataset.config.objects.iter().filter_map(|name| {
+        let object = dataset::generate::built_in_object(name).ok()?;
+        let is_it = manifest.inputs.objects.get(name) == Some(&object.hash());
+        is_it.then(|| (name.clone(), object))
+    });
     let page = dataset::report::report(&dataset, &robot, &known.collect())?;
     let file = out.map_or_else(|| dir.join("report.html"), Path::to_path_buf);
     dataset::store::write(&file, page.as_bytes())?;
@@ -281,7 +286,8 @@ fn show(dir: &Path, out: Option<&Path>) -> Result<()> {
 fn episode(dir: &Path, index: usize, out: &Path) -> Result<()> {
     let (dataset, manifest) = (Dataset::open(dir)?, Manifest::read(dir)?);
     let kept = dataset.episode(index)?;
-    let hash = manifest.objects.get(&kept.object).context("the manifest lacks its object")?;
+    let hash =
+        manifest.inputs.objects.get(&kept.object).context("the manifest lacks its object")?;
     let row = |row: &[f32]| row.iter().map(|x| f64::from(*x)).collect();
     let file = Demonstration {
         demonstration: format!(
@@ -290,7 +296,7 @@ fn episode(dir: &Path, index: usize, out: &Path) -> Result<()> {
             kept.pose_index,
             &manifest.hash[..8]
         ),
-        scene: manifest.scene,
+        scene: manifest.inputs.scene,
         object: hash.clone(),
         name: kept.object,
         pose: kept.pose,

@@ -39,10 +39,10 @@ pub(crate) struct ObjectOptions {
     #[arg(long, value_name = "FILE")]
     mesh: Option<PathBuf>,
     /// Mass (kg) of the mesh.
-    #[arg(long, value_name = "KG")]
+    #[arg(long, value_name = "KG", requires = "mesh")]
     mass: Option<f32>,
     /// Density (kg/m³) of the mesh instead of its mass.
-    #[arg(long, value_name = "KG_M3", conflicts_with = "mass")]
+    #[arg(long, value_name = "KG_M3", conflicts_with = "mass", requires = "mesh")]
     density: Option<f32>,
     /// Friction coefficient instead of the object's own.
     #[arg(long, value_name = "MU")]
@@ -56,6 +56,9 @@ impl ObjectOptions {
     /// Loads the object, if one is named.
     pub(crate) fn load_any(&self) -> Result<Option<(String, Object)>> {
         let is_named = self.object.is_some() || self.mesh.is_some();
+        if !is_named && self.friction.is_some() {
+            bail!("--friction is of one object: name it with --object or --mesh");
+        }
         if is_named { self.load().map(Some) } else { Ok(None) }
     }
 

@@ -7,6 +7,9 @@ use geometry::object::Object;
 use robot::JointState;
 use scene::config::scene_hash;
 
+/// Joint speeds (rad/s) from here on are no robot's.
+const FASTEST: f64 = 20.0;
+
 /// A demonstration as a file (JSON).
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -34,6 +37,21 @@ impl Demonstration {
             self.states.iter().enumerate().map(state_of).collect::<Result<_, _>>()?;
         if states.is_empty() {
             return Err(RolloutError::NoStates);
+        }
+        let limits = &workcell.robot.tree.limits;
+        let is_possible = |state: &JointState| {
+            limits.contains(&state.q, -0.1)
+                && state.qd.amax() < FASTEST
+                && state.qd.norm().is_finite()
+        };
+        if let Some(row) = states.iter().position(|state| !is_possible(state)) {
+            return Err(RolloutError::Impossible { row });
+        }
+        let [x, y, _] = self.pose;
+        let [xs, ys] = [workcell.robot.config.workspace.x, workcell.robot.config.workspace.y];
+        let is_within = |value: f32, [least, most]: [f32; 2]| (least..=most).contains(&value);
+        if !(is_within(x, xs) && is_within(y, ys) && self.pose[2].is_finite()) {
+            return Err(RolloutError::OffTheTable);
         }
         let controller = Controller::Demonstration(states);
         Attempt::begin(workcell, object, &self.name, Some(self.pose), 0, controller)
@@ -97,5 +115,8 @@ mod tests {
         assert!(error(&|f| f.object = "other".into()).contains("another object"));
         assert!(error(&|f| f.states[3].truncate(5)).contains("row 3"));
         assert!(error(&|f| f.states.clear()).contains("no states"));
+        assert!(error(&|f| f.states[7][3] = 1e308).contains("row 7"));
+        assert!(error(&|f| f.states[2][30] = f64::NAN).contains("row 2"));
+        assert!(error(&|f| f.pose[0] = f32::INFINITY).contains("workspace"));
     }
 }

@@ -26,6 +26,8 @@ export class AttemptPanel {
   readonly #hash = element("hash", HTMLElement);
   #verdict: Verdict | null = null;
   #phase: Phase | null = null;
+  // Which demonstration is played, if one is.
+  #played: string | null = null;
   // The seed that the pose on the table was drawn from.
   #poseSeed = 0;
   #hasObject = false;
@@ -89,8 +91,9 @@ export class AttemptPanel {
   }
 
   showFrame({ phase, played }: Frame): void {
-    if (phase === this.#phase) return;
-    this.#phase = phase;
+    if (phase === this.#phase && played === this.#played) return;
+    if (this.#played !== null && played === null) this.#hash.hidden = true;
+    [this.#phase, this.#played] = [phase, played];
     if (phase !== "verdict") {
       this.#verdict = null;
       const actor = played === null ? `The ${this.#actor}` : "A demonstration";

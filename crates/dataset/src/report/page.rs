@@ -89,7 +89,7 @@ fn figures(s: &Summary) -> String {
         ("the same, 2 s and shaken", agreement(s.endurance)),
         ("kept ones lift beside their place", of(s.perturbed)),
         ("poses with enough", of([s.enough, s.poses])),
-        ("least gap before touch", format!("{:.2} mm", 1e3 * s.clearance[0])),
+        ("least gap up to touch", format!("{:.2} mm", 1e3 * s.clearance[0])),
         ("duration, median and 9 of 10", format!("{:.2} and {:.2} s", s.seconds[0], s.seconds[1])),
         ("jerk, median and 9 of 10", format!("{:.0} and {:.0} rad/s³", s.jerk[0], s.jerk[1])),
     ];
