@@ -1,6 +1,6 @@
 //! Making a dataset: grasps, clouds, demonstrations of every pose, then all of it put together.
 //!
-//! Every file depends on the configuration alone and is there as a whole or not at all, so a killed run
+//! Every file depends on configuration, objects and scene alone and is there as a whole or not at all, so a killed run
 //! goes on by making what is missing.
 
 use crate::clouds::Viewer;
