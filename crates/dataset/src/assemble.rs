@@ -53,8 +53,7 @@ impl Dataset {
 
     fn part(&self, name: &str, index: usize) -> Result<Part> {
         let path = self.part_path(name, index);
-        let bytes =
-            std::fs::read(&path).with_context(|| format!("cannot read {}", path.display()))?;
+        let bytes = store::read(&path)?;
         let cure = "remove it and resume";
         Part::decode(&bytes).with_context(|| format!("{} is damaged; {cure}", path.display()))
     }

@@ -4,6 +4,7 @@ use crate::part::{CLOUD, Part};
 use crate::poses::{draw_turn, turned};
 use crate::store;
 use anyhow::{Result, ensure};
+use geometry::Pose;
 use geometry::object::Object;
 use grasps::{Robot, place};
 use rand::Rng;
@@ -34,9 +35,9 @@ impl<'a> Viewer<'a> {
             .collect();
         for turn in &part.turns {
             let pose = turned(part.pose, *turn);
-            part.clean.extend(self.cloud(object, pose, None::<&mut rand_chacha::ChaCha8Rng>)?);
+            part.clean.extend(self.clean(object, pose)?);
             for _ in 0..clouds {
-                part.noisy.extend(self.cloud(object, pose, Some(&mut *rng))?);
+                part.noisy.extend(self.noisy(object, pose, rng)?);
             }
         }
         Ok(())
@@ -54,8 +55,8 @@ impl<'a> Viewer<'a> {
         for _ in 0..count {
             let pose = place::random_pose(self.robot, rng);
             poses.extend(pose);
-            clean.extend(self.cloud(object, pose, None::<&mut rand_chacha::ChaCha8Rng>)?);
-            noisy.extend(self.cloud(object, pose, Some(&mut *rng))?);
+            clean.extend(self.clean(object, pose)?);
+            noisy.extend(self.noisy(object, pose, rng)?);
         }
         store::encode(
             &[
@@ -67,19 +68,23 @@ impl<'a> Viewer<'a> {
         )
     }
 
+    fn clean(&self, object: &Object, pose: [f32; 3]) -> Result<Vec<f32>> {
+        let frame = self.eye.clean_frame(&object.mesh, &self.place(pose));
+        self.cloud(object, pose, &frame)
+    }
+
+    fn noisy(&self, object: &Object, pose: [f32; 3], rng: &mut impl Rng) -> Result<Vec<f32>> {
+        let frame = self.eye.frame(&object.mesh, &self.place(pose), rng);
+        self.cloud(object, pose, &frame)
+    }
+
+    fn place(&self, [x, y, yaw]: [f32; 3]) -> Pose {
+        self.robot.config.upright(x, y, yaw)
+    }
+
     /// The cloud of one frame, points one after another.
-    fn cloud(
-        &self,
-        object: &Object,
-        [x, y, yaw]: [f32; 3],
-        rng: Option<&mut impl Rng>,
-    ) -> Result<Vec<f32>> {
-        let place = self.robot.config.upright(x, y, yaw);
-        let frame: DepthImage = match rng {
-            Some(rng) => self.eye.frame(&object.mesh, &place, rng),
-            None => self.eye.clean_frame(&object.mesh, &place),
-        };
-        let cloud = self.eye.cloud(&frame);
+    fn cloud(&self, object: &Object, [x, y, _]: [f32; 3], frame: &DepthImage) -> Result<Vec<f32>> {
+        let cloud = self.eye.cloud(frame);
         ensure!(
             cloud.len() == CLOUD,
             "the camera does not see {} at x {x}, y {y}: is it too small?",

@@ -134,8 +134,7 @@ impl Dataset {
     /// What was counted, by object.
     pub fn summary(&self) -> Result<BTreeMap<String, Summary>> {
         let path = self.dir.join("summary.json");
-        let bytes =
-            std::fs::read(&path).with_context(|| format!("cannot read {}", path.display()))?;
+        let bytes = store::read(&path)?;
         serde_json::from_slice(&bytes).with_context(|| format!("{} is damaged", path.display()))
     }
 
@@ -209,8 +208,7 @@ impl Dataset {
     /// Pose, bearings and clouds.
     fn seen(&self, name: &str, index: usize) -> Result<PoseRecord> {
         let path = self.pose_clouds_path(name, index / CLOUD_BLOCK);
-        let bytes =
-            std::fs::read(&path).with_context(|| format!("cannot read {}", path.display()))?;
+        let bytes = store::read(&path)?;
         let damaged = || format!("{} is damaged", path.display());
         let tensors = SafeTensors::deserialize(&bytes).with_context(damaged)?;
         let slice = |name: &str, size: usize| -> Result<Vec<f32>> {
@@ -236,8 +234,7 @@ impl Dataset {
         for name in &self.config.encoder_objects {
             for file in 0..self.cloud_files() {
                 let path = self.cloud_path(name, file);
-                let bytes = std::fs::read(&path)
-                    .with_context(|| format!("cannot read {}", path.display()))?;
+                let bytes = store::read(&path)?;
                 let tensors = SafeTensors::deserialize(&bytes)
                     .with_context(|| format!("{} is damaged", path.display()))?;
                 let noisy = values(&tensors, "noisy")?;

@@ -83,8 +83,7 @@ impl Dataset {
     /// The grasps of an object.
     pub fn grasps(&self, name: &str) -> Result<GraspSet> {
         let path = self.grasps_path(name);
-        let bytes =
-            std::fs::read(&path).with_context(|| format!("cannot read {}", path.display()))?;
+        let bytes = store::read(&path)?;
         serde_json::from_slice(&bytes).with_context(|| format!("{} is damaged", path.display()))
     }
 

@@ -143,13 +143,12 @@ fn episode_columns(objects: &[String], episodes: &[Episode]) -> Columns {
         Column::Integers(episodes.iter().map(|episode| of(episode) as i64).collect())
     };
     let floats = |of: &dyn Fn(&Episode) -> f32| Column::Floats(episodes.iter().map(of).collect());
-    let zero = integers(&|_| 0);
     let first: Vec<i64> = (0..episodes.len() as i64).collect();
     vec![
         ("episode_index", Column::Integers(first)),
         ("tasks", Column::OneText(episodes.iter().map(|e| task(&objects[e.object])).collect())),
         ("length", integers(&|e| e.rows[1])),
-        ("data/chunk_index", zero),
+        ("data/chunk_index", integers(&|_| 0)),
         ("data/file_index", integers(&|e| e.file)),
         ("dataset_from_index", integers(&|e| e.rows[0])),
         ("dataset_to_index", integers(&|e| e.rows[0] + e.rows[1])),

@@ -36,6 +36,11 @@ pub fn is_half_written(path: &Path) -> bool {
     ending.is_some_and(|ending| ending.starts_with(PART))
 }
 
+/// The bytes of a file, or an error that names it.
+pub fn read(path: &Path) -> Result<Vec<u8>> {
+    std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))
+}
+
 /// A named tensor: name, shape, values.
 pub type Named<'a> = (&'a str, Vec<usize>, &'a [f32]);
 
