@@ -3,10 +3,10 @@
 #![allow(clippy::unwrap_used, reason = "a helper of a test fails by panicking too")]
 
 use geometry::object::Object;
-use grasps::Robot;
 use grasps::built_in::built_in;
 use grasps::place::Planned;
 use grasps::trial::{Endurance, Physics, TrialOutcome};
+use grasps::{Robot, Setting};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -20,7 +20,9 @@ fn lifts_again(name: &str, wanted: usize) {
     let robot = Robot::standard().unwrap();
     let object = Object::built_in(name).unwrap();
     let grasp = &built_in(name).unwrap().grasps[0];
-    let planned = Planned::easiest(&robot, &object, grasp).unwrap().expect("within reach");
+    let planned = Planned::easiest(&Setting::anywhere(&robot, &object), grasp)
+        .unwrap()
+        .expect("within reach");
     let mut rng = ChaCha8Rng::seed_from_u64(20);
     let mut lost = Vec::new();
     for _ in 0..REPEATS {
@@ -56,8 +58,9 @@ fn the_hand_alone_agrees_with_arm_and_hand() {
     let (mut agree, mut tried, mut lost) = (0, 0, 0);
     for name in ["sugar_box", "bleach"] {
         let object = Object::built_in(name).unwrap();
+        let anywhere = Setting::anywhere(&robot, &object);
         for grasp in built_in(name).unwrap().grasps {
-            let Some(planned) = Planned::easiest(&robot, &object, &grasp).unwrap() else {
+            let Some(planned) = Planned::easiest(&anywhere, &grasp).unwrap() else {
                 continue;
             };
             // Far enough beside that some are lost.

@@ -5,7 +5,8 @@
 use geometry::Pose;
 use geometry::object::Object;
 use grasps::built_in::built_in;
-use grasps::{Grasp, Posture, Robot, Setting, place, trial};
+use grasps::place::Planned;
+use grasps::{Grasp, Posture, Robot, Setting, trial};
 use robot::{JointState, JointVector, integrator};
 use scene::config::CONTROL_PERIOD;
 use scene::{Hold, Scene, Simulation};
@@ -27,9 +28,9 @@ fn grasps() -> Vec<Grasp> {
 /// The sugar box in the middle of the workspace, with one of its grasps.
 fn sugar_box(robot: &Robot, grasp: &Grasp) -> (Object, Pose, Posture) {
     let object = Object::built_in("sugar_box").unwrap();
-    let [x, y, yaw] = place::easiest_place(robot, &object, grasp).expect("a yaw within reach");
-    let pose = robot.config.upright(x, y, yaw);
-    let posture = Setting::new(robot, &object, &pose).reach(grasp).expect("within reach");
+    let anywhere = Setting::anywhere(robot, &object);
+    let planned = Planned::easiest(&anywhere, grasp).unwrap().expect("within reach");
+    let (pose, posture) = (planned.setting.world_from_object, planned.posture);
     (object, pose, posture)
 }
 

@@ -176,6 +176,9 @@ fn attempt_columns(name: &str, parts: &[Part]) -> Columns {
         ("clearance", floats(&|a| a.clearance)),
         ("jerk", floats(&|a| a.jerk)),
         ("slip", floats(&|a| a.slip)),
+        ("target_in_reach", Column::Flags(all.iter().map(|(_, a)| Some(a.in_reach)).collect())),
+        ("miss_distance", floats(&|a| a.miss[0])),
+        ("miss_angle", floats(&|a| a.miss[1])),
     ]
 }
 

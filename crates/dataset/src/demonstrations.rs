@@ -75,6 +75,7 @@ impl Post<'_> {
             let above = common_target(robot, object, self.pose, &palm, &mut rng);
             let planned = demonstration::demonstrate(&self.setting, posture, &above, &trajectories);
             let mut attempt = Attempt::planned(target, grasp, planned.as_ref());
+            attempt.in_reach = robot.reaches(&above, posture);
             if let Ok(found) = planned {
                 check_rows(&found).with_context(|| format!("{} at {:?}", self.name, self.pose))?;
                 let brief = Endurance::BRIEF;
@@ -169,6 +170,8 @@ impl Attempt {
             clearance: 0.0,
             jerk: 0.0,
             slip: 0.0,
+            in_reach: false,
+            miss: [0.0; 2],
         };
         match planned {
             Err(flaw) => Self { fate: Fate::of_flaw(*flaw), ..none },
@@ -178,6 +181,7 @@ impl Attempt {
                 restarts: found.restarts,
                 clearance: found.clearance,
                 jerk: jerk(found),
+                miss: [found.miss.distance as f32, found.miss.angle as f32],
                 ..none
             },
         }
@@ -204,6 +208,7 @@ fn check_rows(found: &Demonstration) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use grasps::demonstration::Miss;
     use robot::JointVector;
 
     #[test]
@@ -216,6 +221,7 @@ mod tests {
             touch: 1,
             clearance: 0.0,
             restarts: 0,
+            miss: Miss::default(),
         };
         check_rows(&found).unwrap();
         found.states[1].q[3] += 1e-8;
@@ -230,6 +236,7 @@ mod tests {
             touch: 4,
             clearance: 0.0,
             restarts: 0,
+            miss: Miss::default(),
         };
         assert_eq!(jerk(&found(|_| 1.0)), 0.0);
         let wanted = 2.0 * libm::sqrt(23.0) * 30.0;

@@ -2,7 +2,7 @@
 
 use crate::store::{self, values};
 use anyhow::{Result, ensure};
-use grasps::demonstration::{Demonstration, Flaw};
+use grasps::demonstration::{Demonstration, Flaw, Miss};
 use grasps::trial::TrialOutcome;
 use robot::DOF;
 use safetensors::SafeTensors;
@@ -103,10 +103,20 @@ pub struct Attempt {
     pub jerk: f32,
     /// Greatest slip (m) in the replay with the hand alone, if it lifted.
     pub slip: f32,
+    /// Whether the arm can bring the palm to the target at all.
+    pub in_reach: bool,
+    /// Distance (m) and angle (rad) of the palm, where the fabric came to rest, from the target; 0 if it did not.
+    pub miss: [f32; 2],
 }
 
 impl Attempt {
-    const NUMBERS: usize = 12;
+    /// Whether its motion came to rest at the target.
+    pub fn is_arrival(&self) -> bool {
+        let [distance, angle] = self.miss.map(f64::from);
+        self.rows > 0 && Miss { distance, angle }.is_arrival()
+    }
+
+    const NUMBERS: usize = 15;
 
     fn numbers(&self) -> [f32; Self::NUMBERS] {
         let code = |fate: Option<Fate>| fate.map_or(-1.0, |fate| fate as u8 as f32);
@@ -123,6 +133,9 @@ impl Attempt {
             self.clearance,
             self.jerk,
             self.slip,
+            f32::from(u8::from(self.in_reach)),
+            self.miss[0],
+            self.miss[1],
         ]
     }
 
@@ -140,6 +153,8 @@ impl Attempt {
             clearance: x[9],
             jerk: x[10],
             slip: x[11],
+            in_reach: x[12] > 0.5,
+            miss: [x[13], x[14]],
         }
     }
 }
@@ -263,6 +278,8 @@ mod tests {
             clearance: 0.004,
             jerk: 12.0,
             slip: 0.001,
+            in_reach: true,
+            miss: [0.01, 0.05],
         };
         Part {
             pose: [0.5, 0.1, -1.0],

@@ -17,6 +17,8 @@ pub fn write_with<T>(path: &Path, make: impl FnOnce(&Path) -> Result<T>) -> Resu
     std::fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
     let beside = path.with_extension(format!("{PART}{}", std::process::id()));
     let written = make(&beside).and_then(|made| {
+        // Else a power cut could leave an empty file under the final name.
+        std::fs::File::open(&beside)?.sync_all()?;
         std::fs::rename(&beside, path)?;
         Ok(made)
     });

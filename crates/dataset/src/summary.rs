@@ -40,6 +40,8 @@ pub struct Summary {
     pub slip: [f32; 2],
     /// Restarts of the planner at most.
     pub restarts: usize,
+    /// Of the targets that the arm reaches: arrived at, all.
+    pub arrived: [usize; 2],
     /// Greatest difference (rad) of a joint between postures of a grasp for neighbouring poses.
     pub jump: f32,
 }
@@ -93,6 +95,10 @@ impl Summary {
             jerk: two(&|a| a.jerk, [0.5, 0.9]),
             clearance: two(&|a| a.clearance, [0.0, 0.5]),
             slip: two(&|a| a.slip, [0.5, 0.9]),
+            arrived: {
+                let targets = || attempts().filter(|attempt| attempt.in_reach);
+                [targets().filter(|target| target.is_arrival()).count(), targets().count()]
+            },
             restarts: kept().map(|attempt| attempt.restarts).max().unwrap_or(0),
             jump: parts.iter().map(|part| part.jump).fold(0.0, f32::max),
         }
@@ -155,6 +161,8 @@ mod tests {
             clearance: 0.003,
             jerk: 5.0,
             slip: 0.001,
+            in_reach: fate != Fate::Slipped,
+            miss: [if fate == Fate::Stuck { 0.05 } else { 0.01 }, 0.05],
         }
     }
 
@@ -184,6 +192,7 @@ mod tests {
         assert_eq!(summary.unfiltered, [2, 2]);
         assert_eq!(summary.agreement, [[0, 1], [0, 1]]);
         assert_eq!(summary.grasps, BTreeMap::from([(2, 2)]));
+        assert_eq!(summary.arrived, [2, 3]);
         assert_eq!(summary.least_sector, 0.5);
         assert_eq!((summary.seconds[0], summary.restarts), (2.0, 1));
     }

@@ -1,8 +1,8 @@
 //! The fabric as a whole: terms summed, energized, forced and damped (paper §III-A; Eq. 3 with fixed terms).
 
 use crate::energy::energization;
+use crate::limit::LimitConfig;
 use crate::terms::attractor::Attractor;
-use crate::terms::limit::{self, LimitConfig};
 use crate::terms::repulsion::{self, Obstacle, RepulsionConfig};
 use crate::terms::{Pull, palm, posture};
 use robot::spheres::Sphere;
@@ -42,7 +42,7 @@ impl FabricConfig {
             posture: pull(1.0, 20.0, 1.0),
             hand: pull(12.0, 8.0, 8.0),
             palm: pull(12.0, 12.0, 4.0),
-            limit: LimitConfig { gain: 8.0, damping: 8.0, offset: 0.1, scale: 0.02, cap: 100.0 },
+            limit: LimitConfig { margin: 0.02, rate: 5.0, priority: 100.0 },
             repulsion: RepulsionConfig {
                 push: 1.0,
                 bend: 5.0,
@@ -90,7 +90,8 @@ impl<'a> Fabric<'a> {
         Ok(Self { tree, spheres: tree.spheres()?, obstacles, rest, config })
     }
 
-    /// The acceleration q̈ = h̃ + α q̇ - M⁻¹ ∂ψ - γ q̇ (rad/s²), scaled down to the joints' limits;
+    /// The acceleration q̈ = h̃ + α q̇ - M⁻¹ ∂ψ - γ q̇ (rad/s²), held off the joints' limits and scaled
+    /// down to what they can;
     /// `None` if the state is not finite.
     pub fn acceleration(&self, state: &JointState, goal: &Goal) -> Option<JointVector> {
         let config = &self.config;
@@ -99,16 +100,17 @@ impl<'a> Fabric<'a> {
         posture::add_resting(&mut pull, state, &self.rest, &config.posture);
         posture::add_hand(&mut pull, state, &goal.hand, &config.hand);
         palm::add(&mut pull, self.tree, &kinematics, &state.qd, &goal.palm, &config.palm);
-        limit::add(&mut pull, state, &self.tree.limits, &config.limit);
         let (spheres, obstacles) = (&self.spheres, &self.obstacles);
         repulsion::add(&mut pull, &kinematics, &state.qd, spheres, obstacles, &config.repulsion);
 
-        let metric = pull.geometry.metric.cholesky()?;
+        let sum = pull.geometry.metric;
+        let metric = sum.cholesky()?;
         let h = -metric.solve(&pull.geometry.force);
         let alpha = energization(&state.qd, &h);
         let drive = metric.solve(&pull.potential);
         let qdd = h + state.qd * (alpha - config.damping) - drive;
-        Some(self.tree.limits.scale_acceleration(&qdd))
+        let limits = &self.tree.limits;
+        Some(limits.scale_acceleration(&config.limit.hold(&sum, qdd, state, limits)?))
     }
 
     /// The robot that it moves.

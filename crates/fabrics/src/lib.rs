@@ -6,6 +6,7 @@
 
 pub mod energy;
 pub mod fabric;
+pub mod limit;
 pub mod planner;
 pub mod spec;
 pub mod terms;

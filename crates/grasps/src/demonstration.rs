@@ -27,6 +27,32 @@ pub struct Demonstration {
     pub clearance: f32,
     /// How often the fabric got stuck before.
     pub restarts: usize,
+    /// Where it begins, seen from the target.
+    pub miss: Miss,
+}
+
+/// How far the palm at the far end of a motion is from where it was to be.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Miss {
+    /// Distance (m).
+    pub distance: f64,
+    /// Angle (rad).
+    pub angle: f64,
+}
+
+impl Miss {
+    fn between(palm: &Isometry, target: &Isometry) -> Self {
+        Self {
+            distance: (palm.translation.vector - target.translation.vector).norm(),
+            angle: rotation::angle_between(&palm.rotation, &target.rotation),
+        }
+    }
+
+    /// Whether this counts as arrived: within 3 cm and 0.2 rad. Near the table, a fabric comes to rest where it is
+    /// drawn to its goal as much as its elbow is pushed off.
+    pub fn is_arrival(&self) -> bool {
+        self.distance < 0.03 && self.angle < 0.2
+    }
 }
 
 /// Gaps (m) beyond this are not told apart.
@@ -108,7 +134,8 @@ pub fn draw_target(
 /// Plans out of the grasp to `target` and reverses.
 ///
 /// A fabric can come to rest in a local minimum. Where it does, it starts again, drawn to a posture
-/// that lies nearer to the robot's nominal one.
+/// that lies nearer to the robot's nominal one. A target that is approached as far as the arm goes is good enough: a
+/// policy has to find its way from there, too.
 pub fn demonstrate(
     setting: &Setting,
     posture: &Posture,
@@ -122,6 +149,8 @@ pub fn demonstrate(
         let leaving = leave(setting, posture, &drawn_to, target, config)?;
         let mut found = checked(setting, posture, &leaving, config)?;
         found.restarts = restart;
+        let palm = setting.robot.tree.kinematics(&leaving.last().q).palm();
+        found.miss = Miss::between(&palm, target);
         Ok(found)
     };
     let first = attempt(0);
@@ -231,6 +260,7 @@ pub fn reverse(forward: &Plan, rest_speed: f64) -> Demonstration {
         touch: n - first,
         clearance: 0.0,
         restarts: 0,
+        miss: Miss::default(),
     }
 }
 

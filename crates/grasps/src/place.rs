@@ -27,9 +27,9 @@ pub(crate) fn reach_poses(robot: &Robot) -> Vec<Pose> {
 /// within reach.
 pub fn poses_served(robot: &Robot, object: &Object, grasps: &[Grasp]) -> Vec<usize> {
     let mut served = vec![0; grasps.iter().map(|grasp| grasp.kind + 1).max().unwrap_or(0)];
-    let setting = Setting::new(robot, object, &Pose::IDENTITY);
+    let anywhere = Setting::anywhere(robot, object);
     for pose in reach_poses(robot) {
-        if let Some((first, _)) = setting.elsewhere(&pose).options(grasps).first() {
+        if let Some((first, _)) = anywhere.elsewhere(&pose).options(grasps).first() {
             served[grasps[*first].kind] += 1;
         }
     }
@@ -37,33 +37,8 @@ pub fn poses_served(robot: &Robot, object: &Object, grasps: &[Grasp]) -> Vec<usi
 }
 
 /// Whether a grasp is in reach at each of a number of object poses.
-pub(crate) fn reach(robot: &Robot, object: &Object, poses: &[Pose], grasp: &Grasp) -> Vec<bool> {
-    let setting = Setting::new(robot, object, &Pose::IDENTITY);
-    poses.iter().map(|pose| setting.elsewhere(pose).reach(grasp).is_some()).collect()
-}
-
-/// Where trials take place: the middle of the workspace.
-fn middle(robot: &Robot) -> (f32, f32) {
-    let [x, y] = [robot.config.workspace.x, robot.config.workspace.y];
-    (0.5 * (x[0] + x[1]), 0.5 * (y[0] + y[1]))
-}
-
-/// The middle of the workspace with that yaw, of twelve, at which the arm is nearest to its nominal posture:
-/// x, y (m), yaw (rad).
-pub fn easiest_place(robot: &Robot, object: &Object, grasp: &Grasp) -> Option<[f32; 3]> {
-    let (x, y) = middle(robot);
-    let setting = Setting::new(robot, object, &Pose::IDENTITY);
-    let mut best: Option<(f64, f32)> = None;
-    for step in 0..12 {
-        let yaw = step as f32 * (std::f32::consts::TAU / 12.0);
-        let pose = robot.config.upright(x, y, yaw);
-        let Some(posture) = setting.elsewhere(&pose).reach(grasp) else { continue };
-        let distance = (posture.open - robot.nominal).norm();
-        if best.is_none_or(|(least, _)| distance < least) {
-            best = Some((distance, yaw));
-        }
-    }
-    best.map(|(_, yaw)| [x, y, yaw])
+pub(crate) fn reach(anywhere: &Setting, poses: &[Pose], grasp: &Grasp) -> Vec<bool> {
+    poses.iter().map(|pose| anywhere.elsewhere(pose).reach(grasp).is_some()).collect()
 }
 
 /// A grasp that is planned for the object at a place.
@@ -76,19 +51,30 @@ pub struct Planned<'a> {
     lift: Vec<JointState>,
 }
 
+/// Yaws of the object that are looked at.
+const YAWS: usize = 12;
+
 impl<'a> Planned<'a> {
-    /// Plans a grasp at its easiest place; `None` if it is out of reach.
-    pub fn easiest(
-        robot: &'a Robot,
-        object: &'a Object,
-        grasp: &Grasp,
-    ) -> Result<Option<Self>, SceneError> {
-        let Some(place) = easiest_place(robot, object, grasp) else { return Ok(None) };
-        let [x, y, yaw] = place;
-        let setting = Setting::new(robot, object, &robot.config.upright(x, y, yaw));
-        let Some(posture) = setting.reach(grasp) else { return Ok(None) };
-        let lift = demonstration::lift_of(&setting, &posture)?;
-        Ok(lift.map(|lift| Self { setting, posture, place, lift }))
+    /// Plans a grasp in the middle of the workspace, with that yaw of the object, of twelve, at which the arm is nearest
+    /// to its nominal posture; `None` if it is out of reach. The object may stand `anywhere`.
+    pub fn easiest(anywhere: &Setting<'a>, grasp: &Grasp) -> Result<Option<Self>, SceneError> {
+        let robot = anywhere.robot;
+        let [x, y] = [robot.config.workspace.x, robot.config.workspace.y]
+            .map(|[least, most]| 0.5 * (least + most));
+        let mut best: Option<(f64, Self)> = None;
+        for step in 0..YAWS {
+            let yaw = step as f32 * (std::f32::consts::TAU / YAWS as f32);
+            let setting = anywhere.elsewhere(&robot.config.upright(x, y, yaw));
+            let Some(posture) = setting.reach(grasp) else { continue };
+            let distance = (posture.open - robot.nominal).norm();
+            if best.as_ref().is_none_or(|(least, _)| distance < *least) {
+                let planned = Self { setting, posture, place: [x, y, yaw], lift: Vec::new() };
+                best = Some((distance, planned));
+            }
+        }
+        let Some((_, planned)) = best else { return Ok(None) };
+        let lift = demonstration::lift_of(&planned.setting, &planned.posture)?;
+        Ok(lift.map(|lift| Self { lift, ..planned }))
     }
 
     /// Tries it while the object stands `[x, y, yaw]` (m, rad) beside its place.

@@ -4,9 +4,9 @@ use crate::grasp::{Grasp, Posture, object_solids, table_solid};
 use geometry::Pose;
 use geometry::object::Object;
 use geometry::solid::Solid;
-use robot::ik::IkConfig;
+use robot::ik::{self, IkConfig};
 use robot::solids::RobotSolids;
-use robot::{DOF, JointVector, Tree};
+use robot::{DOF, Isometry, JointVector, Tree};
 use scene::{SceneConfig, SceneError};
 
 /// The robot in its scene.
@@ -38,6 +38,12 @@ impl Robot {
         Ok(Self { config, tree, solids, nominal, ik: IkConfig::precise() })
     }
 
+    /// Whether the arm, from where it grasps, can bring the palm to a pose.
+    pub fn reaches(&self, world_from_palm: &Isometry, grasping: &Posture) -> bool {
+        let config = IkConfig { bend: 0.0, ..self.ik.clone() };
+        ik::solve(&self.tree, world_from_palm, &grasping.touch, &config).is_some()
+    }
+
     /// The nominal posture, its first joint turned towards the object.
     ///
     /// That joint's axis is the robot's vertical axis: when object and nominal posture turn about it,
@@ -67,6 +73,11 @@ impl<'a> Setting<'a> {
     pub fn new(robot: &'a Robot, object: &'a Object, world_from_object: &Pose) -> Self {
         let solids = object_solids(object, world_from_object);
         Self { robot, object, world_from_object: *world_from_object, solids }
+    }
+
+    /// The object at the origin, from where it can be put [`Setting::elsewhere`].
+    pub fn anywhere(robot: &'a Robot, object: &'a Object) -> Self {
+        Self::new(robot, object, &Pose::IDENTITY)
     }
 
     /// The same object somewhere else.

@@ -7,7 +7,7 @@ use crate::place::{Planned, reach, reach_poses};
 use crate::proposal::{self, ProposalConfig, Subject, propose};
 use crate::squeeze::Squeeze;
 use crate::trial::{Endurance, Physics, TrialOutcome};
-use crate::{Robot, cluster};
+use crate::{Robot, Setting, cluster};
 use geometry::object::Object;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -97,6 +97,7 @@ pub struct GraspSet {
 struct Search<'a> {
     robot: &'a Robot,
     object: &'a Object,
+    anywhere: Setting<'a>,
     subject: Subject<'a>,
     config: &'a SearchConfig,
     /// Where the object stands in the repeats, the same for every grasp: x, y (m), yaw (rad).
@@ -154,7 +155,8 @@ impl<'a> Search<'a> {
         let beside = (0..config.repeats).map(|_| [draw(shift), draw(shift), draw(turn)]).collect();
         let subject = Subject::new(object, &robot.config);
         let (proposed, closed, tried) = (0, 0, 0);
-        Self { robot, object, subject, config, beside, rng, proposed, closed, tried }
+        let anywhere = Setting::anywhere(robot, object);
+        Self { robot, object, anywhere, subject, config, beside, rng, proposed, closed, tried }
     }
 
     /// Reliable grasps as a set of kinds.
@@ -258,10 +260,7 @@ impl<'a> Search<'a> {
     /// Object poses, of a fifth of those at which reach is counted, at which a grasp is within reach.
     fn served(&self, grasp: &Grasp) -> usize {
         let few: Vec<_> = reach_poses(self.robot).into_iter().step_by(5).collect();
-        reach(self.robot, self.object, &few, grasp)
-            .into_iter()
-            .filter(|is_within| *is_within)
-            .count()
+        reach(&self.anywhere, &few, grasp).into_iter().filter(|is_within| *is_within).count()
     }
 
     /// The grasp that closing at a palm pose gives.
@@ -274,7 +273,7 @@ impl<'a> Search<'a> {
     /// The grasp, if it lifts where it is easiest to reach, how many of the perturbed repeats lifted too, and
     /// how it bears shaking; this ends where too many are lost.
     fn scored(&mut self, grasp: &Grasp) -> Result<Option<Scored>, SceneError> {
-        let planned = Planned::easiest(self.robot, self.object, grasp)?;
+        let planned = Planned::easiest(&self.anywhere, grasp)?;
         let Some(planned) = planned else { return Ok(None) };
         self.tried += 1;
         let mut found = Scored { grasp: grasp.clone(), again: 0, shaken: None };
@@ -307,7 +306,7 @@ impl<'a> Search<'a> {
     ) -> Result<(Vec<Grasp>, [usize; 2]), SceneError> {
         let mut left = reliable.to_vec();
         let poses = reach_poses(self.robot);
-        let of = |found: &Scored| reach(self.robot, self.object, &poses, &found.grasp);
+        let of = |found: &Scored| reach(&self.anywhere, &poses, &found.grasp);
         let mut reach: Vec<_> = left.iter().map(of).collect();
         let (mut sound, mut tried) = (Vec::new(), 0);
         loop {
@@ -328,7 +327,7 @@ impl<'a> Search<'a> {
     }
 
     fn is_confirmed(&self, grasp: &Grasp) -> Result<bool, SceneError> {
-        match Planned::easiest(self.robot, self.object, grasp)? {
+        match Planned::easiest(&self.anywhere, grasp)? {
             Some(planned) => self.lifts(Physics::Full, &planned, [0.0; 3], Endurance::BRIEF),
             None => Ok(false),
         }

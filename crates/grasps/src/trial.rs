@@ -182,7 +182,7 @@ pub fn plan_lift(
     palm.translation.vector.z += config.attempt.lift_height;
     let goal = Goal { palm, hand: robot::hand_of(&state.q) };
     let planner =
-        PlannerConfig { seconds: 3.0, rest_speed: 0.03, ..PlannerConfig::demonstration() };
+        PlannerConfig { seconds: 3.0, rest_speed: 0.06, ..PlannerConfig::demonstration() };
     let start = JointState::at_rest(state.q);
     let Some(plan) = planner::flow(&fabric, &start, &goal, &planner) else { return Ok(None) };
     let keep_fingers = |row: &JointState| {

@@ -117,8 +117,15 @@ fn make(options: &Make) -> Result<()> {
     let robot = Robot::standard()?;
     let manifest = dataset.generate(&robot, &objects, watch)?;
     watch.end();
-    print_counts(&dataset.summary()?);
+    let summary = dataset.summary()?;
+    print_counts(&summary);
     println!("{:.1} MB, hash {}", manifest.bytes() as f64 / 1e6, manifest.hash);
+    for (name, _) in summary.iter().filter(|(_, counts)| counts.kept() == 0) {
+        eprintln!(
+            "warning: there is no demonstration of {name}: no grasp of it was found that lifts. Is it too heavy, too \
+             wide for the hand, or too low? `ngf grasps` says how far its search comes"
+        );
+    }
     Ok(())
 }
 
@@ -255,9 +262,13 @@ fn print_counts(summary: &std::collections::BTreeMap<String, Summary>) {
             1e3 * s.slip[1]
         );
         println!(
-            "  least gap up to touch {:.2} mm, median {:.2} mm; restarts at most {}",
+            "  least gap up to touch {:.2} mm, median {:.2} mm",
             1e3 * s.clearance[0],
-            1e3 * s.clearance[1],
+            1e3 * s.clearance[1]
+        );
+        println!(
+            "  targets that the arm reaches: arrived at {} (3 cm, 0.2 rad); restarts at most {}",
+            percent(s.arrived),
             s.restarts
         );
     }

@@ -18,7 +18,18 @@ pub struct IkConfig {
     pub null_space_pull: f64,
     /// Distance kept to the joint limits (rad).
     pub margin: f64,
+    /// Least bend of elbow and wrist (rad), to the side to which they are bent in the nominal posture. Straight ones
+    /// are where two families of solutions meet; with both allowed, neighbouring targets jump between them.
+    pub bend: f64,
+    /// Greatest roll of upper arm and forearm (rad) from the nominal posture: far from it, an elbow on the left is as
+    /// near as one on the right, and neighbouring targets jump between them, too.
+    pub roll: f64,
 }
+
+const UPPER_ARM: usize = 2;
+const ELBOW: usize = 3;
+const FOREARM: usize = 4;
+const WRIST: usize = 5;
 
 impl IkConfig {
     /// Values that place the palm to a tenth of a millimetre; ours, the paper names none.
@@ -30,6 +41,8 @@ impl IkConfig {
             damping: 0.02,
             null_space_pull: 0.1,
             margin: 0.02,
+            bend: 0.4,
+            roll: 1.9,
         }
     }
 }
@@ -72,6 +85,13 @@ pub fn solve(
             q[i] += step[i];
         }
         q = tree.limits.clamp(&q, config.margin);
+        for joint in [ELBOW, WRIST] {
+            let side = nominal[joint].signum();
+            q[joint] = side * (side * q[joint]).max(config.bend);
+        }
+        for joint in [UPPER_ARM, FOREARM] {
+            q[joint] = q[joint].clamp(nominal[joint] - config.roll, nominal[joint] + config.roll);
+        }
     }
     None
 }

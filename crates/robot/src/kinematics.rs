@@ -123,6 +123,11 @@ impl Motion<'_> {
         self.bodies[body].velocity_at(&self.arm(body, point))
     }
 
+    /// Angular velocity (rad/s) of `body`, world axes.
+    pub fn angular_velocity(&self, body: usize) -> Vector {
+        self.bodies[body].angular_velocity
+    }
+
     /// Acceleration (m/s²) of a world point that is fixed to `body` when q̈ = 0: J̇ q̇.
     pub fn bias_acceleration(&self, body: usize, point: &Vector) -> Vector {
         self.bodies[body].acceleration_at(&self.arm(body, point))

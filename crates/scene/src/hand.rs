@@ -54,9 +54,11 @@ impl<'a> HandScene<'a> {
     ) -> Result<Self, SceneError> {
         let grasp = palm_at(tree, grasp);
         let palm = palm_at(tree, &start.q);
-        let middle = rotation::to_vector(palm.translation);
-        let velocity = tree.kinematics(&start.q).motion(&start.qd).velocity(ARM, &middle);
-        let velocity = rotation::to_vec3(&velocity);
+        let kinematics = tree.kinematics(&start.q);
+        let motion = kinematics.motion(&start.qd);
+        let velocity_at =
+            |point: Vec3| rotation::to_vec3(&motion.velocity(ARM, &rotation::to_vector(point)));
+        let velocity = velocity_at(palm.translation);
         let here_from_world = grasp * palm.inverse();
 
         let table = RigidBodyBuilder::new(RigidBodyType::KinematicPositionBased);
@@ -68,8 +70,12 @@ impl<'a> HandScene<'a> {
         let table = &mut tabletop.world.bodies[tabletop.table];
         let world_from_table = *table.position();
         table.set_position(here_from_world * world_from_table, true);
+        let middle = object.center_of_mass;
         let object = &mut tabletop.world.bodies[tabletop.object];
-        object.set_linvel(here_from_world.rotation * -velocity, true);
+        let passing = -velocity_at(*world_from_object * middle);
+        object.set_linvel(here_from_world.rotation * passing, true);
+        let turning = -rotation::to_vec3(&motion.angular_velocity(ARM));
+        object.set_angvel(here_from_world.rotation * turning, true);
         let mut scene = Self {
             tree,
             tabletop,

@@ -1,7 +1,6 @@
 //! What a fabric is made of. Each term adds its metric and forces to the two sums of a [`Pull`].
 
 pub mod attractor;
-pub mod limit;
 pub mod palm;
 pub mod posture;
 pub mod repulsion;
