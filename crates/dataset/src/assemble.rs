@@ -37,7 +37,7 @@ impl Dataset {
             }
         }
         let episodes = self.episodes(&parts);
-        self.write_rows(&parts, observer)?;
+        self.write_rows(&episodes, observer)?;
         self.write_clouds()?;
         lerobot::write_meta(&self.dir, &robot.tree, names, &episodes, &stats)?;
         let by_object = || names.iter().zip(parts.chunks(self.config.poses));
@@ -74,18 +74,15 @@ impl Dataset {
     }
 
     /// Writes the rows of all demonstrations, one file after another and one row group for each pose.
-    fn write_rows(&self, parts: &[Part], observer: &dyn Observer) -> Result<()> {
+    fn write_rows(&self, episodes: &[Episode], observer: &dyn Observer) -> Result<()> {
         let mut files: BTreeMap<usize, Vec<[usize; 4]>> = BTreeMap::new();
-        let (mut episode, mut row) = (0, 0);
-        for (i, part) in parts.iter().enumerate() {
-            let (object, pose) = (i / self.config.poses, i % self.config.poses);
-            let count = part.offsets.len().saturating_sub(1);
-            if count > 0 {
-                let file = self.file_of(object, pose);
-                files.entry(file).or_default().push([object, pose, episode, row]);
+        for (number, episode) in episodes.iter().enumerate() {
+            // One group for each pose begins with its first episode.
+            let groups = files.entry(episode.file).or_default();
+            let place = [episode.object, episode.pose];
+            if groups.last().is_none_or(|group| group[..2] != place) {
+                groups.push([episode.object, episode.pose, number, episode.rows[0]]);
             }
-            episode += count;
-            row += part.offsets.last().copied().unwrap_or(0);
         }
         let files: Vec<_> = files.into_iter().collect();
         let path = |i: usize| data_path(&self.dir, files[i].0);

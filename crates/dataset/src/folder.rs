@@ -140,21 +140,40 @@ impl Dataset {
 
     /// Reads the demonstrations of every pose of an object, by its index.
     pub fn poses(&self, object: usize) -> Result<Vec<PoseRecord>> {
-        (0..self.config.poses).map(|index| self.pose(object, index)).collect()
+        let name = &self.config.objects[object];
+        let kept = self.kept(object)?;
+        let mut records = Vec::new();
+        for block in 0..self.config.poses.div_ceil(CLOUD_BLOCK) {
+            records.extend(self.seen(name, block)?);
+        }
+        for (index, record) in records.iter_mut().enumerate() {
+            self.read_rows(object, index, &kept, record)?;
+        }
+        Ok(records)
     }
 
     /// Reads the demonstrations of one pose of an object, by its index.
     pub fn pose(&self, object: usize, index: usize) -> Result<PoseRecord> {
-        let mut record = self.seen(&self.config.objects[object], index)?;
-        let kept = self.kept(object)?;
+        let mut block = self.seen(&self.config.objects[object], index / CLOUD_BLOCK)?;
+        let mut record = block.swap_remove(index % CLOUD_BLOCK);
+        self.read_rows(object, index, &self.kept(object)?, &mut record)?;
+        Ok(record)
+    }
+
+    /// Reads the rows of a pose's demonstrations; poses without any have none.
+    fn read_rows(
+        &self,
+        object: usize,
+        index: usize,
+        kept: &[i64],
+        record: &mut PoseRecord,
+    ) -> Result<()> {
         if kept[index] > 0 {
-            // Poses without a demonstration have no rows.
             let first = index - index % self.poses_per_file();
             let group = kept[first..index].iter().filter(|count| **count > 0).count();
-            let file = self.file_of(object, index);
-            (record.states, record.offsets) = self.rows(file, group)?;
+            (record.states, record.offsets) = self.rows(self.file_of(object, index), group)?;
         }
-        Ok(record)
+        Ok(())
     }
 
     /// Reads one episode.
@@ -205,27 +224,32 @@ impl Dataset {
         Ok((states, offsets))
     }
 
-    /// Pose, bearings and clouds.
-    fn seen(&self, name: &str, index: usize) -> Result<PoseRecord> {
-        let path = self.pose_clouds_path(name, index / CLOUD_BLOCK);
+    /// Pose, bearings and clouds of a block of poses.
+    fn seen(&self, name: &str, block: usize) -> Result<Vec<PoseRecord>> {
+        let path = self.pose_clouds_path(name, block);
         let bytes = store::read(&path)?;
         let damaged = || format!("{} is damaged", path.display());
         let tensors = SafeTensors::deserialize(&bytes).with_context(damaged)?;
-        let slice = |name: &str, size: usize| -> Result<Vec<f32>> {
+        let count = (self.config.poses - block * CLOUD_BLOCK).min(CLOUD_BLOCK);
+        let read = |name: &str, size: usize| -> Result<Vec<f32>> {
             let all = values(&tensors, name).with_context(damaged)?;
-            let at = index % CLOUD_BLOCK * size;
-            Ok(all.get(at..at + size).with_context(damaged)?.to_vec())
+            ensure!(all.len() == count * size, "{}: {name} has {} numbers", damaged(), all.len());
+            Ok(all)
         };
-        let (turns, clouds) = (self.config.turns, self.config.clouds);
-        let noisy = slice("noisy", turns * clouds * 3 * CLOUD)?;
-        let pose = slice("poses", 3)?;
-        Ok(PoseRecord {
-            pose: [pose[0], pose[1], pose[2]],
+        let clouds = self.config.turns * self.config.clouds * 3 * CLOUD;
+        let (poses, turns) = (read("poses", 3)?, read("turns", self.config.turns)?);
+        let noisy = read("noisy", clouds)?;
+        let record = |i: usize| PoseRecord {
+            pose: [poses[3 * i], poses[3 * i + 1], poses[3 * i + 2]],
             states: Vec::new(),
             offsets: vec![0],
-            turns: slice("turns", turns)?,
-            clouds: noisy.chunks_exact(3 * CLOUD).map(<[f32]>::to_vec).collect(),
-        })
+            turns: turns[i * self.config.turns..(i + 1) * self.config.turns].to_vec(),
+            clouds: noisy[i * clouds..(i + 1) * clouds]
+                .chunks_exact(3 * CLOUD)
+                .map(<[f32]>::to_vec)
+                .collect(),
+        };
+        Ok((0..count).map(record).collect())
     }
 
     /// Reads all noisy clouds of the encoder's data, each 512 x 3.
