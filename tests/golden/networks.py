@@ -152,6 +152,19 @@ def ngf(params, config, q, qd, z):
     return qdd, psi, slope
 
 
+def baseline(params, config, q, qd, z):
+    """The baseline (III-C): one network on the scaled state, or on its Fourier features."""
+    lower, upper = limits()
+    x = torch.cat([(2 * q - upper - lower) / (upper - lower), qd, z], -1)
+    activation = torch.relu
+    if config["features"]:
+        blocks = zip((DOF, DOF, LATENT), config["features"]["scales"])
+        phases = x @ frequencies(blocks, config["features"]["seed"])
+        x = torch.cat([phases.cos(), phases.sin()], -1)
+        activation = torch.nn.functional.elu
+    return config["acceleration_scale"] * mlp(params, "baseline", x, activation)
+
+
 MIDDLE, SCALE = torch.tensor([0.6, 0.0, -0.15]).float().double(), 0.2
 
 
@@ -220,6 +233,19 @@ def main():
         "gradients": gradients((qdd * weights).sum(), params),
     }
 
+    features = {"seed": 2309, "scales": [2.0, 3.0, 16.0]}
+    baselines = []
+    for hidden, features in (([64, 256], None), ([48, 40, 56], features)):
+        config = {"hidden": hidden, "features": features, "acceleration_scale": 30.0}
+        inputs = 2 * FREQUENCIES if features else 2 * DOF + LATENT
+        params = layers("baseline", [inputs, *hidden, DOF])
+        qdd = baseline(params, config, q, qd, z)
+        baselines.append({
+            "config": config,
+            "qdd": qdd.tolist(),
+            "gradients": gradients((qdd * weights).sum(), params),
+        })
+
     params = layers("encoder.local", [6, 32, 64]) | layers("encoder.global", [67, 64, 256])
     params |= layers("encoder.readout", [256, 128, LATENT])
     params |= layers("decoder", [LATENT, 256, 256, 3 * 512])
@@ -235,7 +261,7 @@ def main():
         "chamfer": loss.item(),
         "gradients": gradients(loss, params),
     }
-    golden = {"torch": torch.__version__, "policy": policy, "encoder": encoder}
+    golden = {"torch": torch.__version__, "policy": policy, "baselines": baselines, "encoder": encoder}
     (HERE / "networks.json").write_text(json.dumps(golden, indent=1) + "\n")
 
 

@@ -5,8 +5,9 @@
 
 use candle_core::{Device, Tensor};
 use geometry::Vec3;
-use imitation::nn::{Params, autoencoder, chamfer::Chamfer, ngf};
+use imitation::nn::{self, Params, autoencoder, chamfer::Chamfer, ngf};
 use imitation::shards::Gradient;
+use policy::baseline::{self, Baseline, BaselineConfig};
 use policy::encoder::{
     CLOUD, DECODER_WIDTHS, Decoder, Encoder, GLOBAL_WIDTHS, LATENT, LOCAL_WIDTHS, READOUT_WIDTHS,
 };
@@ -15,6 +16,9 @@ use policy::weights::Tensors;
 use policy::{Ngf, Whitening};
 use robot::{DOF, JointState, JointVector, Tree};
 use serde_json::Value;
+
+/// States in a batch.
+const BATCH: usize = 4;
 
 /// Relative to the largest value.
 const TOLERANCE: f64 = 1e-4;
@@ -90,28 +94,37 @@ fn assert_gradients(gradient: &Gradient, params: &Params, wanted: &Value) {
     assert!(worst.0 < TOLERANCE, "the gradient of {} is off by {} of its norm", worst.1, worst.0);
 }
 
+/// States, the first one at rest, and what is told of their objects.
+fn batch() -> (Vec<JointState>, Vec<f32>) {
+    let (q, mut qd) = (hashed("q", BATCH * DOF), hashed("qd", BATCH * DOF));
+    qd[..DOF].fill(0.0);
+    let vector = |x: &[f32]| JointVector::from_fn(|i, _| x[i] as f64);
+    let states = q.chunks_exact(DOF).zip(qd.chunks_exact(DOF));
+    let states = states.map(|(q, qd)| JointState { q: vector(q), qd: vector(qd) }).collect();
+    (states, hashed("z", BATCH * LATENT).iter().map(|x| 2.0 * x).collect())
+}
+
+/// Gradient of the weighted sum of what a network does.
+fn weighted(made: &Tensor, params: &Params) -> Gradient {
+    let weights = hashed("weights", BATCH * DOF);
+    let weights = Tensor::from_vec(weights, (BATCH, DOF), &Device::Cpu).unwrap();
+    let loss = (made * weights).unwrap().sum_all().unwrap();
+    Gradient::of(&loss, params).unwrap()
+}
+
 #[test]
 fn the_policy_is_that_of_pytorch() {
-    const BATCH: usize = 4;
     let golden = golden("policy");
     let config: NgfConfig = serde_json::from_value(golden["config"].clone()).unwrap();
     let limits = Tree::iiwa7_allegro().unwrap().limits;
     let mut params = Params::default();
     PARTS.iter().for_each(|part| add_layers(&mut params, part.name, &part.widths(&config)));
-    let (q, mut qd) = (hashed("q", BATCH * DOF), hashed("qd", BATCH * DOF));
-    qd[..DOF].fill(0.0);
-    let vector = |x: &[f32]| JointVector::from_fn(|i, _| x[i] as f64);
-    let states: Vec<JointState> = q
-        .chunks_exact(DOF)
-        .zip(qd.chunks_exact(DOF))
-        .map(|(q, qd)| JointState { q: vector(q), qd: vector(qd) })
-        .collect();
-    let z: Vec<f32> = hashed("z", BATCH * LATENT).iter().map(|x| 2.0 * x).collect();
+    let (states, z) = batch();
     let latents: Vec<&[f32]> = z.chunks_exact(LATENT).collect();
 
     let bytes = params.export(&[]).unwrap();
-    let runs = Ngf::load(&Tensors::parse(&bytes).unwrap(), &config, &limits).unwrap();
-    let twin = ngf::Ngf::new(&config, &limits).unwrap();
+    let runs = Ngf::load(&Tensors::parse(&bytes).unwrap(), &config, LATENT, &limits).unwrap();
+    let twin = ngf::Ngf::new(&config, LATENT, &limits).unwrap();
     let made = twin.accelerations(&params, &states, &latents).unwrap();
     let rows = made.to_vec2::<f32>().unwrap();
     for (i, (state, z)) in states.iter().zip(&latents).enumerate() {
@@ -126,10 +139,33 @@ fn the_policy_is_that_of_pytorch() {
         let potential = [runs.potential(state, z) as f64];
         assert_close("potential", &potential, &[golden["potential"][i].as_f64().unwrap()]);
     }
-    let weights =
-        Tensor::from_vec(hashed("weights", BATCH * DOF), (BATCH, DOF), &Device::Cpu).unwrap();
-    let loss = (made * weights).unwrap().sum_all().unwrap();
-    assert_gradients(&Gradient::of(&loss, &params).unwrap(), &params, &golden["gradients"]);
+    assert_gradients(&weighted(&made, &params), &params, &golden["gradients"]);
+}
+
+#[test]
+fn the_baselines_are_those_of_pytorch() {
+    let limits = Tree::iiwa7_allegro().unwrap().limits;
+    let (states, z) = batch();
+    let latents: Vec<&[f32]> = z.chunks_exact(LATENT).collect();
+    for golden in golden("baselines").as_array().unwrap() {
+        let config: BaselineConfig = serde_json::from_value(golden["config"].clone()).unwrap();
+        let mut params = Params::default();
+        add_layers(&mut params, baseline::NAME, &config.widths(LATENT));
+        let bytes = params.export(&[]).unwrap();
+        let tensors = Tensors::parse(&bytes).unwrap();
+        let runs = Baseline::load(&tensors, &config, LATENT, &limits).unwrap();
+        let twin = nn::baseline::Baseline::new(&config, LATENT, &limits).unwrap();
+        let made = twin.accelerations(&params, &states, &latents).unwrap();
+        let rows = made.to_vec2::<f32>().unwrap();
+        for (i, (state, z)) in states.iter().zip(&latents).enumerate() {
+            let wanted = numbers(&golden["qdd"][i]);
+            let got = runs.acceleration(state, z).unwrap();
+            assert_close("acceleration", got.as_slice(), &wanted);
+            let trained: Vec<f64> = rows[i].iter().map(|x| *x as f64).collect();
+            assert_close("acceleration in training", &trained, &wanted);
+        }
+        assert_gradients(&weighted(&made, &params), &params, &golden["gradients"]);
+    }
 }
 
 #[test]

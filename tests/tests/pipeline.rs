@@ -7,7 +7,7 @@ use grasps::Robot;
 use imitation::autoencoder::{self, AutoencoderConfig};
 use imitation::dagger::{self, DaggerConfig};
 use imitation::training::{self, TrainedEncoder};
-use policy::ngf::NgfConfig;
+use policy::{Observation, PolicyConfig};
 use rollout::{Attempt, Controller, Workcell};
 use std::path::Path;
 
@@ -30,14 +30,14 @@ fn a_tiny_model_is_made_and_acts() {
     let steps = AutoencoderConfig { steps: 4, batch: 4, ..AutoencoderConfig::standard() };
     autoencoder::train(&dataset, &steps, &out, &mut |_, _, _| ()).unwrap();
     let encoder = TrainedEncoder::load(&out).unwrap();
-    let (taught, _) = training::lessons(&dataset, &encoder).unwrap();
+    let (taught, _) = training::lessons(&dataset, &encoder, Observation::Cloud, 3).unwrap();
     assert_eq!(taught.len(), 3 * dataset.config.turns, "each pose at each bearing");
     let steps =
-        DaggerConfig { steps: 50, batch: 8, ngf: NgfConfig::tiny(), ..DaggerConfig::standard() };
+        DaggerConfig { steps: 50, batch: 8, ..DaggerConfig::standard(PolicyConfig::tiny()) };
     let mut losses = Vec::new();
     let limits = &robot.tree.limits;
-    let params = dagger::train(&taught, limits, &steps, None, &out, &mut |_, _, loss, _| {
-        losses.push(loss);
+    let params = dagger::train(&taught, limits, &steps, None, &out, &mut |now| {
+        losses.push(now.loss);
         Ok(true)
     })
     .unwrap();
@@ -48,7 +48,7 @@ fn a_tiny_model_is_made_and_acts() {
     let stopped = folder.path().join("stopped");
     let longer = DaggerConfig { steps: 100, span: 20, ..steps.clone() };
     let train = |stop: bool, out: &Path| {
-        let mut progress = |_, _, _, _: &_| Ok(!stop);
+        let mut progress = |_: &dagger::Progress| Ok(!stop);
         dagger::train(&taught, limits, &longer, None, out, &mut progress).unwrap().values().unwrap()
     };
     train(true, &stopped);
@@ -60,9 +60,7 @@ fn a_tiny_model_is_made_and_acts() {
     let no_steps = DaggerConfig { steps: 0, ..steps };
     let elsewhere = folder.path().join("again");
     let again =
-        dagger::train(&taught, limits, &no_steps, Some(&weights), &elsewhere, &mut |_, _, _, _| {
-            Ok(true)
-        });
+        dagger::train(&taught, limits, &no_steps, Some(&weights), &elsewhere, &mut |_| Ok(true));
     let pairs = params.values().unwrap().into_iter().zip(again.unwrap().values().unwrap());
     assert!(pairs.into_iter().all(|(a, b)| (a - b).abs() <= 1e-3 * a.abs() + 1e-6));
 

@@ -61,7 +61,7 @@ fn rows() {
     for _ in 0..30 {
         let begin = now();
         for _ in 0..10 {
-            std::hint::black_box(model.ngf.acceleration(&state, &[0.5; 32]));
+            std::hint::black_box(model.network.acceleration(&state, &[0.5; 32]));
         }
         steps.push((now() - begin) / 10.0);
     }

@@ -4,13 +4,12 @@
 use crate::expert::{self, Demonstrations, Gains};
 use crate::nn::Params;
 use crate::nn::adam::{AdamW, schedule};
-use crate::nn::ngf::{self, Active, Ngf};
+use crate::nn::network::{self, Network};
+use crate::nn::ngf::Active;
 use crate::shards::{Gradient, differentiate};
 use anyhow::{Result, bail};
 use candle_core::{Device, Tensor};
-use policy::Encoding;
-use policy::head::TRIANGLE;
-use policy::ngf::NgfConfig;
+use policy::{Encoding, PolicyConfig};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use robot::{ARM, DOF, JointState, JointVector, Limits, integrator};
@@ -22,7 +21,7 @@ use std::path::Path;
 pub struct DaggerConfig {
     /// Optimiser steps.
     pub steps: u64,
-    /// Share of the steps, the first ones, that train F_ψ alone, at a quarter of the cost: where to go
+    /// Of a fabric, share of the steps, the first ones, that train F_ψ alone, at a quarter of the cost: where to go
     /// is most of what there is to learn.
     pub potential_share: f64,
     /// States a step, over all shards.
@@ -57,15 +56,15 @@ pub struct DaggerConfig {
     /// Steps from checkpoint to checkpoint. All states are drawn anew at each, so that a run that is
     /// resumed there takes the same steps as one that was never stopped.
     pub span: u64,
-    /// Sizes and scales of the networks.
-    pub ngf: NgfConfig,
+    /// What is trained.
+    pub policy: PolicyConfig,
     /// Seed of weights, states and noise.
     pub seed: u64,
 }
 
 impl DaggerConfig {
     /// Full size.
-    pub fn standard() -> Self {
+    pub fn standard(policy: PolicyConfig) -> Self {
         Self {
             steps: 72_000,
             potential_share: 0.95,
@@ -81,7 +80,7 @@ impl DaggerConfig {
             gains: Gains { position: 225.0, velocity: 30.0 },
             lead: 0.2,
             span: 1000,
-            ngf: NgfConfig::paper(),
+            policy,
             seed: 0,
         }
     }
@@ -122,16 +121,29 @@ struct Visit {
     left: usize,
 }
 
-/// Trains the five networks, fresh ones or those of the weights `begin`; continues from a checkpoint in
-/// `out`. `progress` gets step, steps, the mean loss since the last call, and the parameters; it may
-/// stop the training by `false`: what came after the last checkpoint is then done again.
+/// How far a training is.
+pub struct Progress<'a> {
+    /// Optimiser steps done, and those to do.
+    pub step: u64,
+    /// See `step`.
+    pub steps: u64,
+    /// Mean loss (rad/s²) since the last call.
+    pub loss: f32,
+    /// Norm of the last gradient.
+    pub gradient: f32,
+    /// The parameters now.
+    pub params: &'a Params,
+}
+
+/// Trains a policy, a fresh one or that of the weights `begin`; continues from a checkpoint in
+/// `out`. `progress` may stop the training by `false`: what came after the last checkpoint is then done again.
 pub fn train(
     lessons: &[Lesson],
     limits: &Limits,
     config: &DaggerConfig,
     begin: Option<&[u8]>,
     out: &Path,
-    progress: &mut dyn FnMut(u64, u64, f32, &Params) -> Result<bool>,
+    progress: &mut dyn FnMut(&Progress) -> Result<bool>,
 ) -> Result<Params> {
     if !lessons.iter().any(|lesson| lesson.demonstrations.trajectories() > 0) {
         bail!("there are no demonstrations to learn from");
@@ -139,11 +151,11 @@ pub fn train(
     let class = Class::new(lessons);
     let mut rng = ChaCha8Rng::seed_from_u64(config.seed);
     let mut params = Params::default();
-    ngf::init(&mut params, &config.ngf, &mut rng)?;
+    network::init(&mut params, &config.policy, &mut rng)?;
     if let Some(weights) = begin {
         params.restore(weights)?;
     }
-    let network = Ngf::new(&config.ngf, limits)?;
+    let network = Network::new(&config.policy, limits)?;
     let mut adam = AdamW::new(params.count(), 1e-4);
     let checkpoint = out.join("policy.checkpoint.safetensors");
     let settings = serde_json::to_value(config)?;
@@ -183,7 +195,9 @@ pub fn train(
         if adam.steps.is_multiple_of(50) {
             let mean = since.iter().sum::<f32>() / since.len() as f32;
             since.clear();
-            if !progress(adam.steps, config.steps, mean, &params)? {
+            let (step, steps) = (adam.steps, config.steps);
+            let now = Progress { step, steps, loss: mean, gradient: norm, params: &params };
+            if !progress(&now)? {
                 return Ok(params);
             }
         }
@@ -274,7 +288,7 @@ fn is_near(visit: &Visit, lessons: &[Lesson]) -> bool {
 /// Eq. 2: the mean weighted norm of the difference to the expert, and its gradient; leaves the policy's
 /// accelerations with the visits.
 fn loss(
-    network: &Ngf,
+    network: &Network,
     params: &Params,
     lessons: &[Lesson],
     config: &DaggerConfig,
@@ -287,8 +301,8 @@ fn loss(
     let in_front =
         |((visit, _), object): (&(Visit, _), &&Encoding)| object.state_in_front(&visit.state);
     let states: Vec<JointState> = part.iter().zip(&objects).map(in_front).collect();
-    let outputs = network.outputs(params, &states, &z, active)?;
-    let made = Ngf::resolve(&outputs, &states)?;
+    let response = network.respond(params, &states, &z, active)?;
+    let made = response.accelerations;
     let rows = config.gains.lag_rows(CONTROL_PERIOD).max(1);
     let wanted: Vec<f32> = part
         .iter()
@@ -307,8 +321,10 @@ fn loss(
     let off = (&made - wanted)?.broadcast_mul(&weights)?;
     let norms = (off.sqr()?.sum(1)? + 1e-6)?.sqrt()?;
     let loss = norms.mean_all()?;
-    let metrics = outputs.narrow(1, 0, 2 * TRIANGLE)?.sqr()?.mean_all()?;
-    let total = (&loss + metrics * config.metric_weight)?;
+    let total = match response.metrics {
+        Some(metrics) => (&loss + metrics * config.metric_weight)?,
+        None => loss.clone(),
+    };
     for ((_, qdd), row) in part.iter().zip(made.to_vec2::<f32>()?) {
         if let Ok(mut qdd) = qdd.lock() {
             *qdd = JointVector::from_fn(|i, _| row[i] as f64);
@@ -321,6 +337,10 @@ fn loss(
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn tiny() -> DaggerConfig {
+        DaggerConfig::standard(PolicyConfig::tiny())
+    }
 
     /// Pose `pose` at bearing `turn`: one demonstration, from q = 0.1 pose, and two clouds.
     fn lesson(pose: usize, turn: f32) -> Lesson {
@@ -346,7 +366,7 @@ mod tests {
     fn an_attempt_begins_at_the_start_of_another_pose_turned_to_the_bearing_that_is_seen() {
         let lessons: Vec<Lesson> = (0..6).map(|k| lesson(k / 2, [0.0, 0.7][k % 2])).collect();
         let class = Class::new(&lessons);
-        let config = DaggerConfig { start_share: 1.0, ..DaggerConfig::standard() };
+        let config = DaggerConfig { start_share: 1.0, ..tiny() };
         let mut rng = ChaCha8Rng::seed_from_u64(1);
         for _ in 0..40 {
             let visit = class.draw(&config, 1.0, &mut rng);
@@ -364,10 +384,10 @@ mod tests {
     #[test]
     fn a_lesson_that_is_turned_teaches_the_same() {
         let limits = robot::Tree::iiwa7_allegro().unwrap().limits;
-        let config = DaggerConfig { ngf: NgfConfig::tiny(), ..DaggerConfig::standard() };
+        let config = tiny();
         let mut params = Params::default();
-        ngf::init(&mut params, &config.ngf, &mut ChaCha8Rng::seed_from_u64(5)).unwrap();
-        let network = Ngf::new(&config.ngf, &limits).unwrap();
+        network::init(&mut params, &config.policy, &mut ChaCha8Rng::seed_from_u64(5)).unwrap();
+        let network = Network::new(&config.policy, &limits).unwrap();
         let loss_at = |turn: f32| {
             let lessons = [lesson(2, turn)];
             let mut state = lessons[0].demonstrations.state(1);
@@ -384,7 +404,7 @@ mod tests {
     fn drawn_states_stay_within_the_noise() {
         let lessons = [lesson(0, 0.0)];
         let class = Class::new(&lessons);
-        let config = DaggerConfig::standard();
+        let config = tiny();
         let mut rng = ChaCha8Rng::seed_from_u64(2);
         for _ in 0..40 {
             let visit = class.draw(&config, 0.0, &mut rng);

@@ -7,10 +7,9 @@ use crate::nn::{Params, autoencoder as twin};
 use anyhow::{Context, Result};
 use dataset::Dataset;
 use dataset::store;
-use policy::encoder::LATENT;
 use policy::model::{ModelConfig, VERSION};
 use policy::weights::Tensors;
-use policy::{Encoding, Whitening};
+use policy::{Encoding, Network, Observation, Whitening, network};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use robot::{DOF, JointState, JointVector, Tree, integrator};
@@ -57,6 +56,20 @@ impl TrainedEncoder {
         Ok(Self { params, whitening: Whitening::load(&Tensors::parse(weights)?)? })
     }
 
+    /// What a policy is told of clouds (base frame).
+    fn observe(&self, observation: Observation, clouds: &[Vec<f32>]) -> Result<Vec<Encoding>> {
+        match observation {
+            Observation::Cloud => self.encode(clouds),
+            Observation::Position => Ok(clouds
+                .iter()
+                .map(|cloud| {
+                    let (bearing, front) = policy::encoding::to_front(&twin::points(cloud));
+                    Encoding { bearing, z: network::position(&front) }
+                })
+                .collect()),
+        }
+    }
+
     /// Encodes clouds (base frame).
     pub fn encode(&self, clouds: &[Vec<f32>]) -> Result<Vec<Encoding>> {
         let (bearings, front): (Vec<f64>, Vec<Vec<f32>>) =
@@ -68,15 +81,20 @@ impl TrainedEncoder {
     }
 }
 
-/// The lessons of a dataset: those to learn from, and those held out.
-pub fn lessons(dataset: &Dataset, encoder: &TrainedEncoder) -> Result<(Vec<Lesson>, Vec<Lesson>)> {
+/// The lessons of a dataset, of `poses` poses of each object at most: those to learn from, and those held out.
+pub fn lessons(
+    dataset: &Dataset,
+    encoder: &TrainedEncoder,
+    observation: Observation,
+    poses: usize,
+) -> Result<(Vec<Lesson>, Vec<Lesson>)> {
     let (mut taught, mut held_out) = (Vec::new(), Vec::new());
     for object in 0..dataset.config.objects.len() {
-        for (index, record) in dataset.poses(object)?.into_iter().enumerate() {
+        for (index, record) in dataset.poses(object)?.into_iter().enumerate().take(poses) {
             if record.offsets.len() < 2 {
                 continue;
             }
-            let encodings = encoder.encode(&record.clouds)?;
+            let encodings = encoder.observe(observation, &record.clouds)?;
             let demonstrations = Demonstrations::new(record.states, record.offsets);
             let seen = encodings.chunks_exact(encodings.len() / record.turns.len().max(1));
             for (turn, encodings) in record.turns.iter().zip(seen) {
@@ -140,11 +158,16 @@ pub fn model_files(
     }
     let count = q.len() / DOF;
     let starts = store::encode(
-        &[("starts.z", vec![count, LATENT], &z), ("starts.q", vec![count, DOF], &q)],
+        &[
+            ("starts.z", vec![count, config.policy.observation.size()], &z),
+            ("starts.q", vec![count, DOF], &q),
+        ],
         None,
     )?;
-    let config =
-        serde_json::to_vec_pretty(&ModelConfig { version: VERSION, ngf: config.ngf.clone() })?;
+    let config = serde_json::to_vec_pretty(&ModelConfig {
+        version: VERSION,
+        policy: config.policy.clone(),
+    })?;
     Ok((weights, starts, config))
 }
 
@@ -167,7 +190,7 @@ fn merge(files: &[Vec<u8>]) -> Result<Vec<u8>> {
 /// from where the demonstration has them, the mean over the four tips, sorted.
 pub fn fingertip_errors<'a>(
     tree: &Tree,
-    ngf: &policy::Ngf,
+    policy: &Network,
     lessons: impl Iterator<Item = &'a Lesson>,
 ) -> Vec<f64> {
     let mut errors = Vec::new();
@@ -178,7 +201,7 @@ pub fn fingertip_errors<'a>(
             let object = &lesson.encodings[lesson.encodings.len() - 1];
             for _ in 0..120 {
                 let lost = || JointVector::repeat(f64::NAN);
-                let qdd = object.acceleration(ngf, &state).unwrap_or_else(lost);
+                let qdd = object.acceleration(policy, &state).unwrap_or_else(lost);
                 state = integrator::step(&state, &qdd, CONTROL_PERIOD);
             }
             let wanted = lesson.demonstrations.state(end - 1).q;
@@ -194,9 +217,8 @@ pub fn fingertip_errors<'a>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::nn::ngf;
-    use policy::Model;
-    use policy::ngf::NgfConfig;
+    use crate::nn;
+    use policy::{LATENT, Model, PolicyConfig};
 
     #[test]
     fn the_model_begins_where_the_demonstration_did_turned_to_the_bearing_that_is_seen() {
@@ -216,9 +238,9 @@ mod tests {
         let mean = JointVector::from(mean_configuration(std::slice::from_ref(&lesson)));
         assert!((mean[0] - first[0] + 0.3).abs() < 1e-9 && (mean[5] - first[5]).abs() < 1e-9);
 
-        let config = DaggerConfig { ngf: NgfConfig::tiny(), ..DaggerConfig::standard() };
+        let config = DaggerConfig::standard(PolicyConfig::tiny());
         let mut policy = Params::default();
-        ngf::init(&mut policy, &config.ngf, &mut ChaCha8Rng::seed_from_u64(2)).unwrap();
+        nn::network::init(&mut policy, &config.policy, &mut ChaCha8Rng::seed_from_u64(2)).unwrap();
         let (weights, starts, config) = model_files(&encoder, &policy, &config, &[lesson]).unwrap();
         let model = Model::load(&weights, &starts, &config, &tree).unwrap();
         for bearing in [0.3, -0.6] {

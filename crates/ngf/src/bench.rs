@@ -7,7 +7,7 @@ use geometry::object::Object;
 use imitation::nn::{Params, autoencoder, ngf};
 use policy::ngf::NgfConfig;
 use policy::weights::Tensors;
-use policy::{Encoder, Ngf, Whitening};
+use policy::{Encoder, LATENT, Ngf, Whitening};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rollout::{Attempt, Controller, Phase, Workcell};
@@ -46,7 +46,7 @@ pub(crate) fn run(options: &Options) -> Result<()> {
     autoencoder::init(&mut params, &mut rng)?;
     let bytes = params.export(&Whitening::identity().tensors())?;
     let tensors = Tensors::parse(&bytes)?;
-    let policy = Ngf::load(&tensors, &config, &robot.tree.limits)?;
+    let policy = Ngf::load(&tensors, &config, LATENT, &robot.tree.limits)?;
     let encoder = Encoder::load(&tensors)?;
 
     let pose = robot.config.upright(0.6, 0.0, 0.4);

@@ -1,6 +1,8 @@
 //! `ngf train encoder` and `ngf train policy`: training with checkpoints; a killed run continues.
 
 use ::policy::model::ModelConfig;
+use ::policy::network::{NetworkConfig, POLICIES};
+use ::policy::{Network, PolicyConfig};
 use anyhow::{Context, Result, bail};
 use dataset::Dataset;
 use dataset::store;
@@ -8,6 +10,8 @@ use imitation::autoencoder::{self, AutoencoderConfig};
 use imitation::dagger::{self, DaggerConfig};
 use imitation::training::{self, TrainedEncoder};
 use robot::Tree;
+use serde_json::json;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::Instant;
@@ -55,7 +59,11 @@ pub(crate) struct PolicyRun {
     /// Folder of a model to continue from instead of beginning anew: its encoder and its policy.
     #[arg(long, value_name = "DIR")]
     from: Option<PathBuf>,
-    /// Learn from this many object poses only.
+    /// Which policy of those that are compared.
+    #[arg(long, value_name = "NAME", default_value = "ngf-pcd", value_parser = POLICIES)]
+    #[arg(conflicts_with = "from")]
+    policy: String,
+    /// Learn from this many poses of each object only.
     #[arg(long, value_parser = at_least_one)]
     poses: Option<usize>,
 }
@@ -117,67 +125,101 @@ fn encoder(run: &Run) -> Result<()> {
 
 fn policy(options: &PolicyRun) -> Result<()> {
     let run = &options.run;
-    let mut config =
-        DaggerConfig { shards: run.threads, seed: run.seed, ..DaggerConfig::standard() };
+    let begin = options.from.as_deref().map(read_model).transpose()?;
+    let policy = match &begin {
+        Some((_, model)) => model.policy.clone(),
+        None => PolicyConfig::named(&options.policy).context("its name")?,
+    };
+    let standard = DaggerConfig::standard(policy);
+    let mut config = DaggerConfig { shards: run.threads, seed: run.seed, ..standard };
     config.steps = run.steps.unwrap_or(config.steps);
     config.batch = run.batch.unwrap_or(config.batch);
     config.rate = run.rate.unwrap_or(config.rate);
     let tree = Tree::iiwa7_allegro()?;
-    let mut dataset = Dataset::open(&run.data)?;
-    dataset.config.poses = options.poses.unwrap_or(dataset.config.poses).min(dataset.config.poses);
-    let begin = options.from.as_deref().map(read_model).transpose()?;
     let encoder = match &begin {
         Some((weights, _)) => TrainedEncoder::of_model(weights)?,
         None => TrainedEncoder::load(&run.out)?,
     };
-    let (taught, held_out) = training::lessons(&dataset, &encoder)?;
+    let poses = options.poses.unwrap_or(usize::MAX);
+    let observation = config.policy.observation;
+    let (taught, held_out) =
+        training::lessons(&Dataset::open(&run.data)?, &encoder, observation, poses)?;
     println!(
         "{} lessons, object poses at a bearing, to learn from; {} held out",
         taught.len(),
         held_out.len()
     );
-    match &begin {
-        Some((_, model)) => config.ngf = model.ngf.clone(),
-        None => config.ngf.rest = training::mean_configuration(&taught),
+    if let (NetworkConfig::Ngf(ngf), None) = (&mut config.policy.network, &begin) {
+        ngf.rest = training::mean_configuration(&taught);
     }
     store::write(&run.out.join("dagger.json"), &serde_json::to_vec_pretty(&config)?)?;
 
     let began = Instant::now();
     let mut first = None;
+    let mut log = Log::open(&run.out)?;
     let params = dagger::train(
         &taught,
         &tree.limits,
         &config,
         begin.as_ref().map(|(weights, _)| weights.as_slice()),
         &run.out,
-        &mut |step, steps, loss, params| {
-            let first = *first.get_or_insert(step);
-            let rate = (step - first) as f64 / began.elapsed().as_secs_f64();
-            println!("policy {step}/{steps}  loss {loss:.3} rad/s²  {rate:.2} steps/s");
-            if step % EVALUATION == 0 {
-                let (weights, _, _) = training::model_files(&encoder, params, &config, &[])?;
+        &mut |now| {
+            let first = *first.get_or_insert(now.step);
+            let rate = (now.step - first) as f64 / began.elapsed().as_secs_f64();
+            let left = (now.steps - now.step) as f64 / rate;
+            println!(
+                "policy {}/{}  loss {:.3} rad/s²  {rate:.2} steps/s  {:.0} min left",
+                now.step,
+                now.steps,
+                now.loss,
+                left / 60.0
+            );
+            log.write(&json!({
+                "step": now.step, "loss": now.loss, "gradient_norm": now.gradient,
+                "states_per_s": rate * config.batch as f64,
+            }))?;
+            if now.step % EVALUATION == 0 {
+                let (weights, _, _) = training::model_files(&encoder, now.params, &config, &[])?;
                 let tensors = ::policy::weights::Tensors::parse(&weights)?;
-                let ngf = ::policy::Ngf::load(&tensors, &config.ngf, &tree.limits)?;
-                for (label, lessons) in [("taught", &taught), ("held out", &held_out)] {
+                let network = Network::load(&tensors, &config.policy, &tree.limits)?;
+                for (label, lessons) in [("taught", &taught), ("held_out", &held_out)] {
                     let every = lessons.len().div_ceil(SHOWN).max(1);
                     let shown = lessons.iter().step_by(every);
-                    let errors = training::fingertip_errors(&tree, &ngf, shown);
-                    if let (Some(median), Some(p90)) =
-                        (errors.get(errors.len() / 2), errors.get(errors.len() * 9 / 10))
-                    {
-                        println!(
-                            "  {label}: fingertips off by {:.1} mm (median), {:.1} mm (p90)",
-                            1e3 * median,
-                            1e3 * p90
-                        );
-                    }
+                    let errors = training::fingertip_errors(&tree, &network, shown);
+                    let at = |share: usize| errors.get(errors.len() * share / 10);
+                    let (Some(median), Some(p90)) = (at(5), at(9)) else { continue };
+                    println!(
+                        "  {label}: fingertips off by {:.1} mm (median), {:.1} mm (p90)",
+                        1e3 * median,
+                        1e3 * p90
+                    );
+                    log.write(&json!({
+                        "step": now.step, "poses": label,
+                        "fingertip_error_m": { "median": median, "p90": p90 },
+                    }))?;
                 }
-                training::write_model(&run.out, &encoder, params, &config, &taught)?;
+                training::write_model(&run.out, &encoder, now.params, &config, &taught)?;
             }
             Ok(true)
         },
     )?;
     training::write_model(&run.out, &encoder, &params, &config, &taught)
+}
+
+/// What a training says about itself, a line of JSON each.
+struct Log(std::fs::File);
+
+impl Log {
+    /// Goes on with the log of a folder.
+    fn open(out: &Path) -> Result<Self> {
+        let path = out.join("policy.log.jsonl");
+        let file = std::fs::OpenOptions::new().create(true).append(true).open(&path);
+        Ok(Self(file.with_context(|| format!("cannot write {}", path.display()))?))
+    }
+
+    fn write(&mut self, line: &serde_json::Value) -> Result<()> {
+        Ok(writeln!(self.0, "{line}")?)
+    }
 }
 
 /// Weights and configuration of a model.

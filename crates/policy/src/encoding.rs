@@ -5,16 +5,16 @@
 //! so that a task that is turned with it stays the same task: to turn cloud and joint to the front before
 //! the networks see them takes one of the three dimensions of an object's pose from what they must learn.*
 
-use crate::ngf::Ngf;
+use crate::network::Network;
 use geometry::Vec3;
 use robot::{Isometry, JointState, JointVector, rotation};
 
-/// An encoded cloud.
+/// What is known of an object.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Encoding {
     /// Angle (rad) about the robot's vertical axis, from straight ahead to the middle of the cloud.
     pub bearing: f64,
-    /// z of the cloud turned to the front, whitened.
+    /// What the policy is told of the cloud turned to the front: z, whitened, or its position.
     pub z: Vec<f32>,
 }
 
@@ -30,8 +30,8 @@ pub fn to_front(cloud: &[Vec3]) -> (f64, Vec<Vec3>) {
 
 impl Encoding {
     /// q̈ (rad/s²) of a policy at a state; `None` if it is not finite.
-    pub fn acceleration(&self, ngf: &Ngf, state: &JointState) -> Option<JointVector> {
-        ngf.acceleration(&self.state_in_front(state), &self.z)
+    pub fn acceleration(&self, network: &Network, state: &JointState) -> Option<JointVector> {
+        network.acceleration(&self.state_in_front(state), &self.z)
     }
 
     /// A state as it is with the object in front.

@@ -4,6 +4,7 @@
 //! Plain Rust with a fixed order of every sum, so that an attempt has the same bits natively and in
 //! the browser. Training lives elsewhere and is held to this code by tests.
 
+pub mod baseline;
 pub mod encoder;
 pub mod encoding;
 pub mod fourier;
@@ -11,6 +12,7 @@ pub mod head;
 mod lanes;
 pub mod mlp;
 pub mod model;
+pub mod network;
 pub mod ngf;
 pub mod weights;
 pub mod whitening;
@@ -18,6 +20,7 @@ pub mod whitening;
 pub use encoder::{Encoder, LATENT};
 pub use encoding::Encoding;
 pub use model::{Model, Start};
+pub use network::{Network, Observation, PolicyConfig};
 pub use ngf::Ngf;
 pub use weights::WeightsError;
 pub use whitening::Whitening;

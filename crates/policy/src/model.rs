@@ -1,36 +1,48 @@
 //! A model as it is shipped: encoder, policy, start configurations, configuration.
 
-use crate::encoder::{Decoder, Encoder, LATENT};
-use crate::encoding::Encoding;
-use crate::ngf::{Ngf, NgfConfig};
+use crate::encoder::{Decoder, Encoder};
+use crate::encoding::{Encoding, to_front};
+use crate::network::{self, Network, NetworkConfig, Observation, PolicyConfig};
+use crate::ngf::NgfConfig;
 use crate::weights::{Tensors, WeightsError};
+use geometry::Vec3;
 use robot::{DOF, Isometry, JointVector, Tree, rotation};
 
-/// What weights and starts mean: 1, everything in the base frame; 2, with the object in front.
-pub const VERSION: u32 = 2;
+/// What weights, starts and configuration mean: 1, everything in the base frame; 2, with the object in front; 3,
+/// policies of several kinds.
+pub const VERSION: u32 = 3;
 
 /// The configuration that lies beside the weights.
 #[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
 pub struct ModelConfig {
     /// [`VERSION`] of the program that trained it.
     pub version: u32,
-    /// Sizes, seed and length scales of the policy.
-    pub ngf: NgfConfig,
+    /// What the policy is told, sizes and scales of its networks.
+    pub policy: PolicyConfig,
 }
 
 impl ModelConfig {
-    /// Reads a configuration; that of another version is an error.
+    /// Reads a configuration; one that means something else is an error.
     pub fn parse(bytes: &[u8]) -> Result<Self, WeightsError> {
         #[derive(serde::Deserialize)]
         struct Versioned {
             #[serde(default = "first")]
             version: u32,
         }
-        let found = serde_json::from_slice::<Versioned>(bytes)?.version;
-        if found != VERSION {
-            return Err(WeightsError::Version { found, wanted: VERSION });
+        /// That of version 2, when there was one kind of policy.
+        #[derive(serde::Deserialize)]
+        struct Fabric {
+            ngf: NgfConfig,
         }
-        Ok(serde_json::from_slice(bytes)?)
+        match serde_json::from_slice::<Versioned>(bytes)?.version {
+            VERSION => Ok(serde_json::from_slice(bytes)?),
+            2 => {
+                let network = NetworkConfig::Ngf(serde_json::from_slice::<Fabric>(bytes)?.ngf);
+                let policy = PolicyConfig { observation: Observation::Cloud, network };
+                Ok(Self { version: VERSION, policy })
+            }
+            found => Err(WeightsError::Version { found, wanted: VERSION }),
+        }
     }
 }
 
@@ -42,7 +54,7 @@ fn first() -> u32 {
 /// A start configuration of the training data (paper §III-F), with the object in front.
 #[derive(Clone, Debug)]
 pub struct Start {
-    /// z of the object pose that it belongs to.
+    /// What a policy is told of the object pose that it belongs to.
     pub z: Vec<f32>,
     /// Joint positions (rad).
     pub q: JointVector,
@@ -57,8 +69,10 @@ pub struct Model {
     pub encoder: Encoder,
     /// z -> point cloud.
     pub decoder: Decoder,
+    /// What the policy is told of the object.
+    pub observation: Observation,
     /// (q, q̇, z) -> q̈.
-    pub ngf: Ngf,
+    pub network: Network,
     /// Start configurations; those of one object pose stand together.
     pub starts: Vec<Start>,
 }
@@ -79,9 +93,22 @@ impl Model {
         Ok(Self {
             encoder: Encoder::load(&tensors)?,
             decoder: Decoder::load(&tensors)?,
-            ngf: Ngf::load(&tensors, &config.ngf, &tree.limits)?,
-            starts: load_starts(starts, tree)?,
+            observation: config.policy.observation,
+            network: Network::load(&tensors, &config.policy, &tree.limits)?,
+            starts: load_starts(starts, config.policy.observation.size(), tree)?,
         })
+    }
+
+    /// What the policy is told of a cloud (base frame) in farthest-point order; `None` if it is empty.
+    pub fn observe(&self, cloud: &[Vec3]) -> Option<Encoding> {
+        match self.observation {
+            Observation::Cloud => self.encoder.encode(cloud),
+            Observation::Position if cloud.is_empty() => None,
+            Observation::Position => {
+                let (bearing, front) = to_front(cloud);
+                Some(Encoding { bearing, z: network::position(&front) })
+            }
+        }
     }
 
     /// The start of the paper's §III-F: the nearest encoding first, then, among the starts of that
@@ -97,16 +124,16 @@ impl Model {
     }
 }
 
-fn load_starts(bytes: &[u8], tree: &Tree) -> Result<Vec<Start>, WeightsError> {
+fn load_starts(bytes: &[u8], object: usize, tree: &Tree) -> Result<Vec<Start>, WeightsError> {
     let tensors = Tensors::parse(bytes)?;
     let count = tensors.shape("starts.q")?.first().copied().unwrap_or(0);
-    let z = tensors.get("starts.z", &[count, LATENT])?;
+    let z = tensors.get("starts.z", &[count, object])?;
     let q = tensors.get("starts.q", &[count, DOF])?;
     let start = |(z, q): (&[f32], &[f32])| {
         let q = JointVector::from_fn(|i, _| q[i] as f64);
         Start { z: z.to_vec(), q, palm: tree.kinematics(&q).palm() }
     };
-    Ok(z.chunks_exact(LATENT).zip(q.chunks_exact(DOF)).map(start).collect())
+    Ok(z.chunks_exact(object).zip(q.chunks_exact(DOF)).map(start).collect())
 }
 
 fn squared_distance(a: &[f32], b: &[f32]) -> f64 {
@@ -121,6 +148,7 @@ fn palm_distance(a: &Isometry, b: &Isometry) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::LATENT;
     use crate::Whitening;
     use crate::encoder::{DECODER_WIDTHS, GLOBAL_WIDTHS, LOCAL_WIDTHS, READOUT_WIDTHS};
     use crate::ngf::PARTS;
@@ -186,7 +214,8 @@ mod tests {
     }
 
     fn config() -> String {
-        serde_json::to_string(&ModelConfig { version: VERSION, ngf: NgfConfig::tiny() }).unwrap()
+        serde_json::to_string(&ModelConfig { version: VERSION, policy: PolicyConfig::tiny() })
+            .unwrap()
     }
 
     /// The message about weights that were changed.
@@ -201,13 +230,13 @@ mod tests {
         let model = load(&bytes(&weights()), &bytes(&starts()), &config()).unwrap();
         let state = JointState::at_rest(JointVector::from_element(0.3));
         let object = Encoding { bearing: 0.3, z: vec![0.1; LATENT] };
-        let qdd = object.acceleration(&model.ngf, &state);
+        let qdd = object.acceleration(&model.network, &state);
         assert!(qdd.is_some());
         // Object and first joint turned alike: nothing changes.
         let mut turned = state;
         turned.q[0] += 0.25;
         let object = Encoding { bearing: 0.55, ..object };
-        assert_eq!(object.acceleration(&model.ngf, &turned), qdd);
+        assert_eq!(object.acceleration(&model.network, &turned), qdd);
         assert_eq!(model.decoder.decode(&[0.1; LATENT]).len(), crate::encoder::CLOUD);
     }
 
@@ -262,12 +291,19 @@ mod tests {
         assert!(message.contains("another architecture"), "{message}");
         let message = load(&whole, &whole, &config()).unwrap_err().to_string();
         assert!(message.contains("starts.q"), "{message}");
-        let message = load(&whole, &starts, r#"{"version": 2}"#).unwrap_err().to_string();
-        assert!(message.contains("configuration") && message.contains("ngf"), "{message}");
-        for (other, found) in [("{}", "version 1"), (r#"{"version": 3}"#, "version 3")] {
+        let message = load(&whole, &starts, r#"{"version": 3}"#).unwrap_err().to_string();
+        assert!(message.contains("configuration") && message.contains("policy"), "{message}");
+        for (other, found) in [("{}", "version 1"), (r#"{"version": 4}"#, "version 4")] {
             let message = load(&whole, &starts, other).unwrap_err().to_string();
-            assert!(message.contains(found) && message.contains("version 2"), "{message}");
+            assert!(message.contains(found) && message.contains("version 3"), "{message}");
         }
+    }
+
+    #[test]
+    fn a_configuration_of_version_2_is_that_of_a_fabric_that_sees_clouds() {
+        let old = serde_json::json!({ "version": 2, "ngf": NgfConfig::tiny() }).to_string();
+        let new = ModelConfig::parse(old.as_bytes()).unwrap();
+        assert_eq!((new.version, new.policy), (VERSION, PolicyConfig::tiny()));
     }
 
     #[test]
@@ -278,7 +314,8 @@ mod tests {
             (NgfConfig { latent_scale: 0.0, ..tiny() }, "latent_scale = 0"),
             (NgfConfig { velocity_scale: -1.0, ..tiny() }, "velocity_scale = -1"),
         ] {
-            let config = serde_json::to_string(&ModelConfig { version: VERSION, ngf }).unwrap();
+            let policy = PolicyConfig { network: NetworkConfig::Ngf(ngf), ..PolicyConfig::tiny() };
+            let config = serde_json::to_string(&ModelConfig { version: VERSION, policy }).unwrap();
             let message = load(&bytes(&weights()), &bytes(&starts()), &config).unwrap_err();
             assert!(message.to_string().contains(named), "{message}");
         }

@@ -2,7 +2,6 @@
 //!
 //! q is that with the object in front of the robot ([`crate::encoding`]).
 
-use crate::encoder::LATENT;
 use crate::fourier::{Block, FEATURES, Fourier};
 use crate::head::{Outputs, TRIANGLE, unit_velocity};
 use crate::mlp::{Activation, Mlp};
@@ -123,11 +122,11 @@ pub const PARTS: [Part; 5] = [
 ];
 
 impl Part {
-    /// The Fourier features of this network: q first, then velocity, then z.
-    pub fn fourier(&self, config: &NgfConfig, index: usize) -> Fourier {
+    /// The Fourier features of this network: q first, then velocity, then the `object` numbers of z.
+    pub fn fourier(&self, config: &NgfConfig, object: usize, index: usize) -> Fourier {
         let q = Block { size: DOF, length_scale: config.position_scale };
         let qd = Block { size: DOF, length_scale: config.velocity_scale };
-        let z = Block { size: LATENT, length_scale: config.latent_scale };
+        let z = Block { size: object, length_scale: config.latent_scale };
         let seed = config.frequency_seed.wrapping_add(index as u64);
         match self.velocity {
             Velocity::Absent => Fourier::new(&[q, z], seed),
@@ -162,16 +161,17 @@ pub struct Ngf {
 }
 
 impl Ngf {
-    /// Reads the five networks.
+    /// Reads the five networks; `object` numbers tell of the object.
     pub fn load(
         tensors: &Tensors,
         config: &NgfConfig,
+        object: usize,
         limits: &Limits,
     ) -> Result<Self, WeightsError> {
         config.check()?;
         let network = |(i, part): (usize, &Part)| {
             let mlp = Mlp::load(tensors, part.name, &part.widths(config), Activation::Elu)?;
-            Ok((part.fourier(config, i), mlp))
+            Ok((part.fourier(config, object, i), mlp))
         };
         let networks =
             PARTS.iter().enumerate().map(network).collect::<Result<_, WeightsError>>()?;
@@ -222,6 +222,7 @@ impl Ngf {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::encoder::LATENT;
     use crate::mlp::Dense;
     use robot::Tree;
 
@@ -240,7 +241,7 @@ mod tests {
         };
         let network = |(i, part): (usize, &Part)| {
             let layers = part.widths(&config).windows(2).enumerate().map(dense).collect();
-            (part.fourier(&config, i), Mlp { layers, activation: Activation::Elu })
+            (part.fourier(&config, LATENT, i), Mlp { layers, activation: Activation::Elu })
         };
         let networks = PARTS.iter().enumerate().map(network).collect();
         let mut ngf = Ngf { limits, config: config.clone(), networks };

@@ -9,7 +9,7 @@ use geometry::{Pose, Vec3};
 use grasps::built_in::built_in;
 use grasps::demonstration::{self, TrajectoryConfig};
 use grasps::{Setting, place};
-use policy::{Encoding, LATENT};
+use policy::Encoding;
 use rand_chacha::ChaCha8Rng;
 use robot::{DOF, Isometry, JointState, JointVector, Limits};
 use scene::config::CONTROL_PERIOD;
@@ -98,18 +98,18 @@ impl Sight<'_> {
     ) -> Result<Result<Approach, Failure>, RolloutError> {
         let robot = &self.workcell.robot;
         let model = self.workcell.model.as_ref().ok_or(RolloutError::NoModel)?;
-        let Some(seen) = model.encoder.encode(self.cloud) else { return Ok(Err(Failure::Unseen)) };
+        let Some(seen) = model.observe(self.cloud) else { return Ok(Err(Failure::Unseen)) };
         let Some(start) = model.start(&seen, &self.target) else {
             return Ok(Err(Failure::Unreachable));
         };
-        let zero = || vec![0.0; LATENT];
+        let zero = || vec![0.0; model.observation.size()];
         let encoding = match controller {
             Controller::ZeroLatent => Encoding { z: zero(), ..seen },
             Controller::ShuffledLatent => {
                 let [x, y, yaw] = place::random_pose(robot, rng);
                 let other = robot.config.upright(x, y, yaw);
                 let cloud = look(self.workcell, self.object, &other, rng);
-                let z = model.encoder.encode(&cloud).map_or_else(zero, |other| other.z);
+                let z = model.observe(&cloud).map_or_else(zero, |other| other.z);
                 Encoding { z, ..seen }
             }
             _ => seen,

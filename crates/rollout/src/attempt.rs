@@ -187,7 +187,7 @@ impl Attempt {
         let (Some(model), Some(object)) = (&workcell.model, &self.encoding) else {
             return Some(JointState::at_rest(self.state.q));
         };
-        let Some(qdd) = object.acceleration(&model.ngf, &self.state) else {
+        let Some(qdd) = object.acceleration(&model.network, &self.state) else {
             self.fail(Failure::NotFinite);
             return None;
         };

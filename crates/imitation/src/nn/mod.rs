@@ -4,9 +4,11 @@
 
 pub mod adam;
 pub mod autoencoder;
+pub mod baseline;
 pub mod chamfer;
 pub mod dense;
 pub mod head;
+pub mod network;
 pub mod ngf;
 pub mod params;
 pub mod pool;
