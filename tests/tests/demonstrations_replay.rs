@@ -42,8 +42,7 @@ fn replay(name: &str) {
         let mut rng = ChaCha8Rng::seed_from_u64(index as u64);
         index += 1;
         let setting = Setting::new(&robot, &object, &place);
-        let options = setting.options(&grasps);
-        let Some((grasp, posture)) = options.first() else {
+        let Some((grasp, posture)) = setting.options(&grasps).next() else {
             out_of_reach += 1;
             continue;
         };
@@ -60,11 +59,11 @@ fn replay(name: &str) {
                 &palm,
                 &mut rng,
             );
-            match demonstration::demonstrate(&setting, posture, &target, &config) {
+            match demonstration::demonstrate(&setting, &posture, &target, &config) {
                 Err(flaw) => *flaws.entry(flaw).or_insert(0) += 1,
                 Ok(motion) => {
                     found += 1;
-                    here += usize::from(lifts(&setting, posture, &motion));
+                    here += usize::from(lifts(&setting, &posture, &motion));
                 }
             }
         }
@@ -92,7 +91,7 @@ fn demonstrations_turn_with_the_object() {
         let place = |[x, y, yaw]: [f32; 3]| robot.config.upright(x, y, yaw);
         let here = Setting::new(&robot, &object, &place(pose));
         let there = here.elsewhere(&place(turned(pose, turn)));
-        let first = |setting: &Setting| setting.options(&grasps).into_iter().next().unwrap();
+        let first = |setting: &Setting| setting.options(&grasps).next().unwrap();
         let ((grasp, posture), (other, turned_posture)) = (first(&here), first(&there));
         assert_eq!(grasp, other, "another grasp at {pose:?} turned by {turn}");
         let mut moved = turned_posture.touch - posture.touch;

@@ -26,13 +26,13 @@ fn a_grasp_has_neighbouring_postures_for_neighbouring_poses() {
         for _ in 0..300 {
             let [x, y, yaw] = random_pose(&robot, &mut rng);
             let at = |x, y, yaw| anywhere.elsewhere(&robot.config.upright(x, y, yaw));
-            let options = at(x, y, yaw).options(&grasps);
-            let Some((grasp, posture)) = options.first() else {
+            let here = at(x, y, yaw);
+            let Some((grasp, posture)) = here.options(&grasps).next() else {
                 out_of_reach += 1;
                 continue;
             };
             for beside in [at(x + 0.02, y, yaw), at(x, y + 0.02, yaw), at(x, y, yaw + 0.1)] {
-                let other = beside.reach(&grasps[*grasp]);
+                let other = beside.reach(&grasps[grasp]);
                 jumps.extend(other.map(|other| (other.touch - posture.touch).amax()));
             }
         }
@@ -66,13 +66,12 @@ fn motions_arrive_where_the_arm_can_and_do_not_tremble() {
             let [x, y, yaw] = random_pose(&robot, &mut rng);
             let place = robot.config.upright(x, y, yaw);
             let setting = anywhere.elsewhere(&place);
-            let options = setting.options(&grasps);
-            let Some((_, posture)) = options.first() else { continue };
+            let Some((_, posture)) = setting.options(&grasps).next() else { continue };
             let palm = robot.tree.kinematics(&posture.touch).palm();
             let (region, bounds) = (&robot.config.target, &object.bounds);
             let target = demonstration::draw_target(region, bounds, &place, &palm, &mut rng);
-            let found = demonstration::demonstrate(&setting, posture, &target, &config);
-            if robot.reaches(&target, posture) {
+            let found = demonstration::demonstrate(&setting, &posture, &target, &config);
+            if robot.reaches(&target, &posture) {
                 in_reach += 1;
                 arrived += usize::from(found.as_ref().is_ok_and(|found| found.miss.is_arrival()));
             }

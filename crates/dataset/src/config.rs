@@ -36,10 +36,14 @@ pub struct DatasetConfig {
 }
 
 /// Names of the presets and what they are for.
-pub const PRESETS: [(&str, &str); 5] = [
+pub const PRESETS: [(&str, &str); 6] = [
     ("smoke", "less than a minute: the whole way at toy size"),
     ("small", "minutes: two objects, 24 poses each, 32 demonstrations of each"),
     ("shipped", "what models/default learned from: 800 poses each, 2 demonstrations of each"),
+    (
+        "variants",
+        "as shipped, with the same objects in 8 proportions each, 100 poses of each of them",
+    ),
     ("paper", "the paper's size: K = 192 object poses, M = 256 demonstrations of each"),
     ("families", "the training objects of all families, 8 poses each, 64 demonstrations of each"),
 ];
@@ -48,6 +52,15 @@ pub const PRESETS: [(&str, &str); 5] = [
 const TAUGHT: [&str; 2] = ["sugar_box", "bleach"];
 /// The objects that the paper's encoder sees: the mustard bottle stays unseen.
 const ENCODED: [&str; 4] = ["sugar_box", "bleach", "cracker_box", "soup_can"];
+
+/// Proportions of each object in preset `variants`, its own among them.
+const VARIANTS: usize = 8;
+
+/// Objects, each followed by its variants.
+fn with_variants(names: &[&str]) -> Vec<String> {
+    let variant = |name: &str, k| if k == 0 { name.to_owned() } else { format!("{name}.{k}") };
+    names.iter().flat_map(|name| (0..VARIANTS).map(|k| variant(name, k))).collect()
+}
 
 impl DatasetConfig {
     /// A configuration by its name in [`PRESETS`].
@@ -85,6 +98,17 @@ impl DatasetConfig {
                 perturbed: 0,
                 turns: 8,
                 encoder_clouds: 6000,
+                ..small
+            },
+            "variants" => Self {
+                objects: with_variants(&TAUGHT),
+                encoder_objects: with_variants(&ENCODED),
+                poses: 100,
+                trajectories: 2,
+                audits: 0,
+                perturbed: 0,
+                turns: 8,
+                encoder_clouds: 900,
                 ..small
             },
             "paper" => Self {
@@ -146,6 +170,9 @@ mod tests {
         assert_eq!(paper.encoder_clouds * paper.encoder_objects.len(), 36_000);
         assert!(paper.audits * 192 >= 2000 && paper.perturbed * 192 >= 500);
         assert!(!paper.all_objects().contains(&"mustard"));
+        let variants = DatasetConfig::preset("variants", 0).unwrap();
+        assert_eq!(variants.objects[..2], ["sugar_box", "sugar_box.1"].map(str::to_owned));
+        assert!(variants.objects.len() == 16 && !variants.all_objects().contains(&"mustard"));
         let families = DatasetConfig::preset("families", 0).unwrap();
         assert!(families.objects.len() >= 48);
         assert!(!families.all_objects().contains(&"jam_jar"), "jars are held out");

@@ -11,8 +11,11 @@ use crate::part::Part;
 use crate::poses::spread_pose;
 use crate::store;
 use anyhow::{Context, Result, bail};
+use geometry::catalog::base_of;
 use geometry::object::Object;
 use grasps::search::{GraspSet, SearchConfig, search};
+use grasps::sides::all_sides;
+use grasps::transfer::transfer;
 use grasps::{Robot, Setting, built_in};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -61,7 +64,7 @@ impl Dataset {
         Manifest::read(&self.dir)
     }
 
-    /// The grasps of every object: those of the project, or found by search.
+    /// The grasps of every object: those of the project, carried over from what it is a variant of, or found by search.
     fn make_grasps(&self, robot: &Robot, objects: &Objects, observer: &dyn Observer) -> Result<()> {
         let names = &self.config.objects;
         let stage = Stage::new("grasps", names.len(), observer, |i| self.grasps_path(&names[i]));
@@ -69,13 +72,16 @@ impl Dataset {
             let object = object(objects, &names[i])?;
             // A mesh of somebody else's may have the name of one of ours.
             let ours = Object::built_in(&names[i]).filter(|ours| ours.hash() == object.hash());
-            let set = match ours.and_then(|_| built_in::built_in(&names[i])) {
-                Some(set) => set,
-                None => {
-                    let config = SearchConfig::paper(robot);
-                    search(robot, object, &config, self.config.seed, |_| ())?.0
-                }
+            let known = ours.and_then(|_| base_of(&names[i])).and_then(|(base, variant)| {
+                Some((Object::built_in(base)?, built_in::built_in(base)?, variant))
+            });
+            let (config, seed) = (SearchConfig::paper(robot), self.config.seed);
+            let mut set = match known {
+                Some((_, set, 0)) => set,
+                Some((base, set, _)) => transfer(robot, &base, &set, object, &config, seed)?,
+                None => search(robot, object, &config, seed, |_| ())?.0,
             };
+            set.grasps = all_sides(object, &set.grasps);
             Ok(serde_json::to_vec_pretty(&set)?)
         })
     }

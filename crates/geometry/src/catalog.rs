@@ -1,5 +1,6 @@
 //! Objects that come with the project, by family.
 
+use crate::Vec3;
 use crate::object::{Object, ObjectFile};
 
 /// An object file of the project.
@@ -65,17 +66,42 @@ pub fn of_family(family: &str) -> impl Iterator<Item = &'static Entry> {
 }
 
 impl Object {
-    /// The object that comes with the project under this name (file name without ending).
+    /// The object that comes with the project under this name (file name without ending), or `name.k`, its k-th
+    /// variant of other proportions, from 1.
     pub fn built_in(name: &str) -> Option<Self> {
-        let entry = CATALOG.iter().find(|entry| entry.name == name)?;
-        entry.file().ok()?.object().ok()
+        let (base, variant) = base_of(name)?;
+        let entry = CATALOG.iter().find(|entry| entry.name == base)?;
+        let object = entry.file().ok()?.object().ok()?;
+        if variant == 0 { Some(object) } else { object.scaled(name, proportions(variant)).ok() }
     }
+}
+
+/// The object that a variant is one of, and its number; 0 for the object itself.
+pub fn base_of(name: &str) -> Option<(&str, u32)> {
+    match name.split_once('.') {
+        None => Some((name, 0)),
+        Some((base, number)) => Some((base, number.parse().ok().filter(|number| *number > 0)?)),
+    }
+}
+
+/// Least and greatest factor of a variant's extents along x, y and z.
+const PROPORTIONS: [[f32; 2]; 3] = [[0.8, 1.1], [0.8, 1.1], [0.7, 1.1]];
+
+/// Factors of the extents of a variant: the first ones fill [`PROPORTIONS`] as evenly as many do (Kronecker, with the
+/// roots of x⁴ = x + 1).
+fn proportions(variant: u32) -> Vec3 {
+    const STEPS: [f64; 3] =
+        [0.819_172_513_396_164_4, 0.671_043_606_703_789_3, 0.549_700_477_901_970_4];
+    Vec3::from_array(std::array::from_fn(|axis| {
+        let at = 0.5 + STEPS[axis] * f64::from(variant);
+        let [least, most] = PROPORTIONS[axis];
+        least + (most - least) * (at - libm::floor(at)) as f32
+    }))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Vec3;
     use std::collections::BTreeSet;
     use std::path::Path;
 
@@ -93,6 +119,26 @@ mod tests {
             assert!((100.0..2500.0).contains(&density), "{name}: {density} kg/m3");
             let narrow = (max - min).truncate().min_element();
             assert!(narrow < 0.13 && max.z > 0.025 && object.mass <= 1.25, "{name}: {max}");
+        }
+    }
+
+    #[test]
+    fn variants_have_other_proportions_each() {
+        let size = |name: &str| {
+            let [min, max] = Object::built_in(name).unwrap().bounds;
+            max - min
+        };
+        let names = ["bleach.1", "bleach.2", "bleach.3", "bleach.4"];
+        let ratios = names.map(|name| size(name) / size("bleach"));
+        for (i, ratio) in ratios.iter().enumerate() {
+            for (factor, [least, most]) in ratio.to_array().into_iter().zip(PROPORTIONS) {
+                assert!((least - 1e-4..=most + 1e-4).contains(&factor), "{ratio}");
+            }
+            let nearest = ratios[..i].iter().map(|other| ratio.distance(*other));
+            assert!(nearest.fold(1.0, f32::min) > 0.05, "{ratio} twice");
+        }
+        for nonsense in ["bleach.", "bleach.0", "bleach.x", "teapot.1", "bleach.1.2"] {
+            assert!(Object::built_in(nonsense).is_none(), "{nonsense}");
         }
     }
 

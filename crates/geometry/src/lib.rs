@@ -8,6 +8,7 @@ pub mod loft;
 pub mod mesh;
 pub mod object;
 pub mod solid;
+pub mod symmetry;
 
 /// A vector or point in space (m), single precision.
 pub type Vec3 = glamx::Vec3;

@@ -135,6 +135,16 @@ impl Object {
         })
     }
 
+    /// The same shape with its extents along x, y and z multiplied by `scale`, as dense as before, but never heavier.
+    pub fn scaled(&self, name: &str, scale: Vec3) -> Result<Self, MeshError> {
+        let stretch = |points: &[Vec3]| points.iter().map(|point| *point * scale).collect();
+        let vertices = stretch(&self.mesh.vertices);
+        let mesh = Mesh { vertices, triangles: self.mesh.triangles.clone() };
+        let parts = self.parts.iter().map(|part| stretch(part)).collect();
+        let mass = self.mass * scale.element_product().min(1.0);
+        Self::new(name, mesh, true, parts, mass, self.friction)
+    }
+
     /// BLAKE3 over mesh, parts, mass and friction, hex.
     pub fn hash(&self) -> String {
         let mut hasher = blake3::Hasher::new();
@@ -159,6 +169,19 @@ impl Object {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_scaled_object_is_as_dense() {
+        let object = Object::built_in("bleach").unwrap();
+        let small = object.scaled("small", Vec3::new(0.9, 0.8, 0.75)).unwrap();
+        let size = |object: &Object| object.bounds[1] - object.bounds[0];
+        let ratio = size(&small) / size(&object);
+        assert!((ratio - Vec3::new(0.9, 0.8, 0.75)).abs().max_element() < 1e-5, "{ratio}");
+        assert!((small.mass - 0.54 * object.mass).abs() < 1e-5);
+        let off = small.center_of_mass - object.center_of_mass * ratio;
+        assert!(off.abs().max_element() < 1e-4, "{off}");
+        assert_eq!(object.scaled("large", Vec3::splat(1.2)).unwrap().mass, object.mass);
+    }
 
     #[test]
     fn bad_object_files_say_why() {

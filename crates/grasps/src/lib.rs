@@ -13,7 +13,9 @@ pub mod place;
 pub mod proposal;
 pub mod reach;
 pub mod search;
+pub mod sides;
 pub mod squeeze;
+pub mod transfer;
 pub mod trial;
 
 pub use grasp::{Grasp, Posture};

@@ -1,6 +1,7 @@
 //! Places: where objects stand when grasps are tried, and where their reach is counted.
 
 use crate::grasp::{Grasp, Posture};
+use crate::sides::all_sides;
 use crate::trial::{self, Endurance, Physics, TrialOutcome};
 use crate::{Robot, Setting, demonstration};
 use geometry::Pose;
@@ -26,11 +27,12 @@ pub(crate) fn reach_poses(robot: &Robot) -> Vec<Pose> {
 /// For each kind of a set the number of object poses, of [`REACH_POSES`], at which it is the first one
 /// within reach.
 pub fn poses_served(robot: &Robot, object: &Object, grasps: &[Grasp]) -> Vec<usize> {
+    let grasps = &all_sides(object, grasps);
     let mut served = vec![0; grasps.iter().map(|grasp| grasp.kind + 1).max().unwrap_or(0)];
     let anywhere = Setting::anywhere(robot, object);
     for pose in reach_poses(robot) {
-        if let Some((first, _)) = anywhere.elsewhere(&pose).options(grasps).first() {
-            served[grasps[*first].kind] += 1;
+        if let Some((first, _)) = anywhere.elsewhere(&pose).options(grasps).next() {
+            served[grasps[first].kind] += 1;
         }
     }
     served

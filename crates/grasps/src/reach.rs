@@ -8,6 +8,7 @@ use robot::ik::{self, IkConfig};
 use robot::solids::RobotSolids;
 use robot::{DOF, Isometry, JointVector, Tree};
 use scene::{SceneConfig, SceneError};
+use std::collections::BTreeSet;
 
 /// The robot in its scene.
 pub struct Robot {
@@ -96,17 +97,21 @@ impl<'a> Setting<'a> {
     }
 
     /// All grasps within reach with their indices in `grasps`: kind after kind, within a kind the least
-    /// moved arm first.
-    pub fn options(&self, grasps: &[Grasp]) -> Vec<(usize, Posture)> {
-        let reach = |(i, grasp)| Some((i, self.reach(grasp)?));
-        let mut options: Vec<_> = grasps.iter().enumerate().filter_map(reach).collect();
+    /// moved arm first. A kind is looked at when those before it are used up.
+    pub fn options<'b>(
+        &'b self,
+        grasps: &'b [Grasp],
+    ) -> impl Iterator<Item = (usize, Posture)> + 'b {
         let nominal = self.robot.nominal_towards(&self.world_from_object);
-        let moved = |posture: &Posture| (posture.open - nominal).norm();
-        options.sort_by(|a, b| {
-            let by_kind = grasps[a.0].kind.cmp(&grasps[b.0].kind);
-            by_kind.then(moved(&a.1).total_cmp(&moved(&b.1)))
-        });
-        options
+        let moved = move |posture: &Posture| (posture.open - nominal).norm();
+        let kinds: BTreeSet<usize> = grasps.iter().map(|grasp| grasp.kind).collect();
+        kinds.into_iter().flat_map(move |kind| {
+            let of_kind = grasps.iter().enumerate().filter(move |(_, grasp)| grasp.kind == kind);
+            let reach = |(i, grasp)| Some((i, self.reach(grasp)?));
+            let mut options: Vec<_> = of_kind.filter_map(reach).collect();
+            options.sort_by(|a, b| moved(&a.1).total_cmp(&moved(&b.1)));
+            options
+        })
     }
 
     /// Least gap (m) of the robot in `q` from table and object; `reach` where it is wider.

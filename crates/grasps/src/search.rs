@@ -94,7 +94,7 @@ pub struct GraspSet {
 }
 
 /// A search under way.
-struct Search<'a> {
+pub(crate) struct Search<'a> {
     robot: &'a Robot,
     object: &'a Object,
     anywhere: Setting<'a>,
@@ -102,10 +102,10 @@ struct Search<'a> {
     config: &'a SearchConfig,
     /// Where the object stands in the repeats, the same for every grasp: x, y (m), yaw (rad).
     beside: Vec<[f32; 3]>,
-    rng: ChaCha8Rng,
-    proposed: usize,
-    closed: usize,
-    tried: usize,
+    pub(crate) rng: ChaCha8Rng,
+    pub(crate) proposed: usize,
+    pub(crate) closed: usize,
+    pub(crate) tried: usize,
 }
 
 /// Searches grasps of `object`, and gives all that are reliable too; `progress` gets the share done.
@@ -148,7 +148,12 @@ pub fn try_imported(
 }
 
 impl<'a> Search<'a> {
-    fn begin(robot: &'a Robot, object: &'a Object, config: &'a SearchConfig, seed: u64) -> Self {
+    pub(crate) fn begin(
+        robot: &'a Robot,
+        object: &'a Object,
+        config: &'a SearchConfig,
+        seed: u64,
+    ) -> Self {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let mut draw = |reach: f32| rng.random_range(-reach..=reach);
         let [shift, turn] = [config.object_shift, config.object_turn];
@@ -264,7 +269,11 @@ impl<'a> Search<'a> {
     }
 
     /// The grasp that closing at a palm pose gives.
-    fn close(&mut self, palm: Isometry, config: &ProposalConfig) -> Option<(Grasp, Squeeze)> {
+    pub(crate) fn close(
+        &mut self,
+        palm: Isometry,
+        config: &ProposalConfig,
+    ) -> Option<(Grasp, Squeeze)> {
         let found = propose(self.robot, &self.subject, config, palm, &mut self.rng).ok();
         self.closed += usize::from(found.is_some());
         found
@@ -272,7 +281,7 @@ impl<'a> Search<'a> {
 
     /// The grasp, if it lifts where it is easiest to reach, how many of the perturbed repeats lifted too, and
     /// how it bears shaking; this ends where too many are lost.
-    fn scored(&mut self, grasp: &Grasp) -> Result<Option<Scored>, SceneError> {
+    pub(crate) fn scored(&mut self, grasp: &Grasp) -> Result<Option<Scored>, SceneError> {
         let planned = Planned::easiest(&self.anywhere, grasp)?;
         let Some(planned) = planned else { return Ok(None) };
         self.tried += 1;
@@ -326,7 +335,7 @@ impl<'a> Search<'a> {
         }
     }
 
-    fn is_confirmed(&self, grasp: &Grasp) -> Result<bool, SceneError> {
+    pub(crate) fn is_confirmed(&self, grasp: &Grasp) -> Result<bool, SceneError> {
         match Planned::easiest(&self.anywhere, grasp)? {
             Some(planned) => self.lifts(Physics::Full, &planned, [0.0; 3], Endurance::BRIEF),
             None => Ok(false),

@@ -96,7 +96,7 @@ fn cases_of<'a>(robot: &'a Robot, name: &str, object: &'a Object) -> Result<Vec<
     while cases.len() < POSES {
         let [x, y, yaw] = place::random_pose(robot, &mut rng);
         let setting = Setting::new(robot, object, &robot.config.upright(x, y, yaw));
-        let Some((_, posture)) = setting.options(&set.grasps).into_iter().next() else { continue };
+        let Some((_, posture)) = setting.options(&set.grasps).next() else { continue };
         let lift = demonstration::lift_of(&setting, &posture)?.context("a lift")?;
         cases.push(Case { setting, posture, lift });
     }

@@ -8,6 +8,7 @@ use geometry::object::Object;
 use geometry::{Pose, Vec3};
 use grasps::built_in::built_in;
 use grasps::demonstration::{self, TrajectoryConfig};
+use grasps::sides::all_sides;
 use grasps::{Setting, place};
 use policy::Encoding;
 use rand_chacha::ChaCha8Rng;
@@ -70,7 +71,7 @@ impl Sight<'_> {
         let set = built_in(self.name).ok_or_else(unknown)?;
         let config = TrajectoryConfig::standard();
         let setting = Setting::new(robot, object, place);
-        for (_, posture) in setting.options(&set.grasps) {
+        for (_, posture) in setting.options(&all_sides(object, &set.grasps)) {
             let palm = robot.tree.kinematics(&posture.touch).palm();
             let region = &robot.config.target;
             let above = demonstration::draw_target(region, &object.bounds, place, &palm, rng);

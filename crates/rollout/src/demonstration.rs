@@ -77,7 +77,7 @@ mod tests {
         let place = robot.config.upright(pose[0], pose[1], pose[2]);
         let setting = Setting::new(robot, &object, &place);
         let grasps = built_in("sugar_box").unwrap().grasps;
-        let (_, posture) = setting.options(&grasps).into_iter().next().expect("a grasp");
+        let (_, posture) = setting.options(&grasps).next().expect("a grasp");
         let palm = robot.tree.kinematics(&posture.touch).palm();
         let (region, bounds) = (&robot.config.target, &object.bounds);
         let mut rng = ChaCha8Rng::seed_from_u64(1);

@@ -3,14 +3,15 @@
 use std::fmt::Write;
 
 /// A drawing of a size in pixels; y points down.
-pub(crate) struct Canvas {
+pub struct Canvas {
     width: f32,
     height: f32,
     shapes: String,
 }
 
 impl Canvas {
-    pub(crate) fn new(width: f32, height: f32) -> Self {
+    /// An empty one.
+    pub fn new(width: f32, height: f32) -> Self {
         Self { width, height, shapes: String::new() }
     }
 
@@ -20,7 +21,8 @@ impl Canvas {
         self.shapes.push('\n');
     }
 
-    pub(crate) fn polygon(&mut self, points: &[[f32; 2]], fill: &str) {
+    /// A filled polygon.
+    pub fn polygon(&mut self, points: &[[f32; 2]], fill: &str) {
         let points = joined(points);
         // Its own colour on its edge closes the seams between neighbours.
         self.push(format_args!(
@@ -28,25 +30,28 @@ impl Canvas {
         ));
     }
 
-    pub(crate) fn path(&mut self, points: &[[f32; 2]], stroke: &str, width: f32) {
+    /// A line through points.
+    pub fn path(&mut self, points: &[[f32; 2]], stroke: &str, width: f32) {
         let points = joined(points);
         self.push(format_args!(
             r#"<polyline points="{points}" fill="none" stroke="{stroke}" stroke-width="{width}"/>"#
         ));
     }
 
-    pub(crate) fn circle(&mut self, [x, y]: [f32; 2], radius: f32, fill: &str) {
+    /// A filled circle.
+    pub fn circle(&mut self, [x, y]: [f32; 2], radius: f32, fill: &str) {
         self.push(format_args!(r#"<circle cx="{x:.1}" cy="{y:.1}" r="{radius}" fill="{fill}"/>"#));
     }
 
-    pub(crate) fn rectangle(&mut self, [x, y]: [f32; 2], [width, height]: [f32; 2], fill: &str) {
+    /// A filled rectangle, from its upper left corner.
+    pub fn rectangle(&mut self, [x, y]: [f32; 2], [width, height]: [f32; 2], fill: &str) {
         self.push(format_args!(
             r#"<rect x="{x:.1}" y="{y:.1}" width="{width:.1}" height="{height:.1}" fill="{fill}"/>"#
         ));
     }
 
     /// Text that begins at a point.
-    pub(crate) fn text(&mut self, [x, y]: [f32; 2], size: f32, fill: &str, text: &str) {
+    pub fn text(&mut self, [x, y]: [f32; 2], size: f32, fill: &str, text: &str) {
         let text = escaped(text);
         self.push(format_args!(
             r#"<text x="{x:.1}" y="{y:.1}" font-size="{size}" fill="{fill}">{text}</text>"#
@@ -54,14 +59,14 @@ impl Canvas {
     }
 
     /// Puts another drawing with its upper left corner at a point.
-    pub(crate) fn place(&mut self, [x, y]: [f32; 2], other: &Self) {
+    pub fn place(&mut self, [x, y]: [f32; 2], other: &Self) {
         self.push(format_args!(r#"<g transform="translate({x:.1} {y:.1})">"#));
         self.shapes.push_str(&other.shapes);
         self.push(format_args!("</g>"));
     }
 
     /// The drawing, for screen readers with a title.
-    pub(crate) fn svg(&self, title: &str) -> String {
+    pub fn svg(&self, title: &str) -> String {
         let Self { width, height, shapes } = self;
         let title = escaped(title);
         format!(

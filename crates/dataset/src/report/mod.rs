@@ -1,6 +1,6 @@
 //! Pictures of a dataset and of the objects: SVG, alone or in one self-contained page.
 
-mod canvas;
+pub mod canvas;
 mod charts;
 mod held;
 mod page;
