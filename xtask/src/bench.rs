@@ -21,26 +21,37 @@ struct Row {
 struct Peer {
     name: String,
     value: f64,
-    /// How many times the peer's value ours is.
+    /// How many times the peer's value ours is: the median, where they were measured in turns.
     ratio: f64,
+    /// Least and greatest ratio of a turn.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    spread: Option<[f64; 2]>,
 }
+
+/// Turns in which our steps of training and those of the peer are measured one after the other.
+const TURNS: usize = 10;
 
 /// Measures, prints, and writes the rows to `json` if that is given; `peers` are measured too where there are
 /// any.
 pub(crate) fn run(place: &Place, json: Option<&Path>, peers: bool) -> Result<()> {
-    let mut rows = native(place)?;
+    place::run(&mut place.cargo(&["build", "-q", "-p", "ngf"]))?;
+    let mut rows = native(place, &[])?;
+    rows.extend(learning(place, peers)?);
     if peers {
         let mujoco = mujoco(place)?;
         for row in rows.iter_mut().filter(|row| row.name == "physics_step_home") {
             let (name, value) = (mujoco.name.clone(), mujoco.value);
-            row.peer = Some(Peer { name, value, ratio: row.value / value });
+            row.peer = Some(Peer { name, value, ratio: row.value / value, spread: None });
         }
     }
     rows.extend(in_browser(place)?);
     for row in &rows {
         print!("{:32} {:8.3} {:3}", row.name, row.value, row.unit);
         match &row.peer {
-            Some(Peer { name, value, ratio }) => println!(" {name} {value:.3}: {ratio:.1} times"),
+            Some(Peer { name, value, ratio, spread }) => {
+                let spread = spread.map_or(String::new(), |[a, b]| format!(" ({a:.2} to {b:.2})"));
+                println!(" {name} {value:.3}: {ratio:.2} times{spread}");
+            }
             None => println!(),
         }
     }
@@ -52,12 +63,56 @@ pub(crate) fn run(place: &Place, json: Option<&Path>, peers: bool) -> Result<()>
 }
 
 /// The rows of `ngf bench`.
-fn native(place: &Place) -> Result<Vec<Row>> {
-    place::run(&mut place.cargo(&["build", "-q", "-p", "ngf"]))?;
+fn native(place: &Place, more: &[&str]) -> Result<Vec<Row>> {
     let file = place.target.join("bench.json");
     let mut bench = place.command(place.program("ngf"), &["bench", "--quiet", "--json"]);
-    place::run(bench.arg(&file))?;
+    place::run(bench.arg(&file).args(more))?;
     Ok(serde_json::from_slice(&std::fs::read(&file)?)?)
+}
+
+/// Steps of training, in turns with those of PyTorch.
+fn learning(place: &Place, peers: bool) -> Result<Vec<Row>> {
+    let mut turns = Vec::new();
+    for _ in 0..if peers { TURNS } else { 1 } {
+        let ours = native(place, &["--learning"])?;
+        turns.push((ours, if peers { torch(place)? } else { Vec::new() }));
+    }
+    let names: Vec<String> = turns[0].0.iter().map(|row| row.name.clone()).collect();
+    let value =
+        |rows: &[Row], name: &str| rows.iter().find(|row| row.name == name).map(|row| row.value);
+    Ok(names
+        .into_iter()
+        .map(|name| {
+            let ours = turns.iter().filter_map(|(ours, _)| value(ours, &name)).collect();
+            let peer = format!("torch_{name}");
+            let theirs: Vec<f64> =
+                turns.iter().filter_map(|(_, theirs)| value(theirs, &peer)).collect();
+            let ratios = turns
+                .iter()
+                .filter_map(|(ours, theirs)| Some(value(ours, &name)? / value(theirs, &peer)?));
+            let mut ratios: Vec<f64> = ratios.collect();
+            ratios.sort_by(f64::total_cmp);
+            let peer = (!theirs.is_empty()).then(|| Peer {
+                name: peer,
+                value: median(theirs),
+                spread: Some([ratios[0], ratios[ratios.len() - 1]]),
+                ratio: median(ratios),
+            });
+            Row { name, value: median(ours), unit: "ms".into(), peer }
+        })
+        .collect())
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
+}
+
+/// The same steps in PyTorch, at its best number of threads.
+fn torch(place: &Place) -> Result<Vec<Row>> {
+    let python = python::environment(place, "peers.txt")?;
+    let said = place::read(&mut place.command(python, &["tests/python/training_step.py"]))?;
+    Ok(said.lines().filter_map(row).collect())
 }
 
 /// A physics step of MuJoCo with the same robot, table and box.

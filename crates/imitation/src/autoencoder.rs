@@ -96,7 +96,7 @@ pub fn train(
 }
 
 /// Mean loss of a part of the batch and its gradient.
-fn loss(params: &Params, clouds: &[&[f32]], config: &AutoencoderConfig) -> Result<Gradient> {
+pub fn loss(params: &Params, clouds: &[&[f32]], config: &AutoencoderConfig) -> Result<Gradient> {
     let z = twin::encode(params, clouds)?;
     let made = twin::decode(params, &z)?;
     let chamfer = made.apply_op2(&twin::targets(clouds)?, Chamfer)?.mean_all()?;

@@ -3,11 +3,11 @@
 use anyhow::Result;
 use geometry::object::Object;
 use rayon::prelude::*;
-use rollout::{Attempt, Controller, Verdict, Workcell};
+use rollout::{Attempt, Controller, Motion, Verdict, Workcell};
 use std::collections::BTreeMap;
 
 /// One attempt of an evaluation.
-#[derive(Clone, Debug, serde::Serialize)]
+#[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
 pub struct Row {
     /// Seed of the attempt.
     pub seed: u64,
@@ -17,10 +17,12 @@ pub struct Row {
     pub verdict: Verdict,
     /// Hash of the final state.
     pub state_hash: String,
+    /// How the controller moved, if it came to act.
+    pub motion: Option<Motion>,
 }
 
 /// The result of an evaluation.
-#[derive(Clone, Debug, serde::Serialize)]
+#[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
 pub struct Report {
     /// Who acted, in the words of the caller.
     pub policy: String,
@@ -47,7 +49,7 @@ pub struct Report {
 }
 
 /// Runs one attempt for each seed on all threads; none is left out. Each draws the object's pose, unless
-/// one is given for all.
+/// one is given for all. `observe` gets each attempt when it is over.
 pub fn evaluate(
     workcell: &Workcell,
     object: &Object,
@@ -55,7 +57,7 @@ pub fn evaluate(
     controller: &Controller,
     pose: Option<[f32; 3]>,
     seeds: std::ops::Range<u64>,
-    progress: &(dyn Fn(bool) + Sync),
+    observe: &(dyn Fn(&Attempt) -> Result<()> + Sync),
 ) -> Result<Report> {
     let (seed, attempts) = (seeds.start, seeds.clone().count());
     let rows = seeds
@@ -64,8 +66,9 @@ pub fn evaluate(
             let mut attempt =
                 Attempt::begin(workcell, object, name, pose, seed, controller.clone())?;
             let verdict = attempt.run(workcell);
-            progress(verdict.is_lifted());
-            Ok(Row { seed, pose: attempt.pose(), verdict, state_hash: attempt.state_hash() })
+            observe(&attempt)?;
+            let (pose, motion) = (attempt.pose(), attempt.motion());
+            Ok(Row { seed, pose, verdict, state_hash: attempt.state_hash(), motion })
         })
         .collect::<Result<Vec<_>>>()?;
     let lifted = rows.iter().filter(|row| row.verdict.is_lifted()).count();

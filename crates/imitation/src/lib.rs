@@ -3,10 +3,12 @@
 //! Offline: candle trains here, and the networks that run elsewhere are held to these by tests.
 
 pub mod autoencoder;
+pub mod benchmark;
 pub mod checkpoint;
 pub mod dagger;
 pub mod evaluation;
 pub mod expert;
 pub mod nn;
 pub mod shards;
+pub mod suite;
 pub mod training;

@@ -1,6 +1,6 @@
 //! `ngf bench`: milliseconds of what runs in an attempt, on this machine.
 
-use crate::engine;
+use crate::{engine, environment};
 use anyhow::{Context, Result};
 use dataset::store;
 use geometry::object::Object;
@@ -24,6 +24,9 @@ pub(crate) struct Options {
     /// Print nothing.
     #[arg(long)]
     quiet: bool,
+    /// Measure the steps of training instead, on two threads.
+    #[arg(long)]
+    learning: bool,
 }
 
 /// One measurement: the median over its repeats.
@@ -36,6 +39,27 @@ pub(crate) struct Row {
 
 /// Measures, prints and writes. Weights are random: their values do not change the time.
 pub(crate) fn run(options: &Options) -> Result<()> {
+    if options.learning && environment::run_again()? {
+        return Ok(());
+    }
+    let rows = if options.learning { learning()? } else { acting()? };
+    for row in rows.iter().filter(|_| !options.quiet) {
+        println!("{:32} {:8.3} {}", row.name, row.value, row.unit);
+    }
+    match &options.json {
+        Some(path) => store::write(path, &serde_json::to_vec_pretty(&rows)?),
+        None => Ok(()),
+    }
+}
+
+/// Steps of training.
+fn learning() -> Result<Vec<Row>> {
+    let rows = imitation::benchmark::rows()?;
+    Ok(rows.into_iter().map(|(name, value)| Row { name, value, unit: "ms" }).collect())
+}
+
+/// What runs in an attempt, and what makes data.
+fn acting() -> Result<Vec<Row>> {
     let workcell = Workcell::new()?;
     let robot = &workcell.robot;
     let object = Object::built_in("sugar_box").context("the sugar box")?;
@@ -81,13 +105,7 @@ pub(crate) fn run(options: &Options) -> Result<()> {
     step.value /= robot.config.physics.substeps as f64;
     rows.push(step);
     rows.extend(engine::rows(robot)?);
-    for row in rows.iter().filter(|_| !options.quiet) {
-        println!("{:32} {:8.3} {}", row.name, row.value, row.unit);
-    }
-    match &options.json {
-        Some(path) => store::write(path, &serde_json::to_vec_pretty(&rows)?),
-        None => Ok(()),
-    }
+    Ok(rows)
 }
 
 fn row(name: &'static str, repeats: usize, mut work: impl FnMut()) -> Row {

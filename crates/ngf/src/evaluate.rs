@@ -75,7 +75,10 @@ pub(crate) fn run(options: &Options) -> Result<()> {
     for (controller, object, label) in runs {
         let bar = ProgressBar::new(options.attempts as u64);
         let seeds = options.seed..options.seed + options.attempts as u64;
-        let advance = |_| bar.inc(1);
+        let advance = |_: &rollout::Attempt| {
+            bar.inc(1);
+            Ok(())
+        };
         let mut report =
             evaluation::evaluate(&workcell, &object, &name, &controller, pose, seeds, &advance)?;
         bar.finish_and_clear();
@@ -90,7 +93,7 @@ pub(crate) fn run(options: &Options) -> Result<()> {
     options.card.as_ref().map_or(Ok(()), |path| card::update(path, &reports))
 }
 
-fn print(report: &Report) {
+pub(crate) fn print(report: &Report) {
     let [low, high] = report.wilson95.map(|x| 100.0 * x);
     let failures: Vec<String> =
         report.failures.iter().map(|(reason, count)| format!("{count} {reason}")).collect();
@@ -105,7 +108,7 @@ fn print(report: &Report) {
 }
 
 /// Loads a model from models/NAME or from a folder; gives the hash of its files.
-fn load(workcell: &mut Workcell, model: &str) -> Result<String> {
+pub(crate) fn load(workcell: &mut Workcell, model: &str) -> Result<String> {
     let named = Path::new("models").join(model);
     let folder = if named.is_dir() { named } else { PathBuf::from(model) };
     let read = |file: &str| {

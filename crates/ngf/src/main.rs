@@ -5,11 +5,13 @@ mod bench;
 mod card;
 mod dataset;
 mod engine;
+mod environment;
 mod evaluate;
 mod grasps;
 mod objects;
 mod replay;
 mod serve;
+mod suite;
 mod train;
 
 use clap::{Parser, Subcommand};
@@ -37,6 +39,8 @@ enum Command {
     Train(train::Options),
     /// Run attempts by the protocol and count them.
     Evaluate(evaluate::Options),
+    /// Compare the paper's policies on the same attempts, with controls, as table and figure.
+    Suite(suite::Options),
     /// Measure what runs in an attempt.
     Bench(bench::Options),
     /// Replay a recorded episode and print its verdict and final state hash.
@@ -51,6 +55,7 @@ fn main() -> std::process::ExitCode {
         Command::Dataset(options) => dataset::run(&options),
         Command::Train(options) => train::run(&options),
         Command::Evaluate(options) => evaluate::run(&options),
+        Command::Suite(options) => suite::run(&options),
         Command::Bench(options) => bench::run(&options),
         Command::Replay(options) => replay::run(&options),
     };

@@ -66,24 +66,7 @@ impl ObjectOptions {
     pub(crate) fn load(&self) -> Result<(String, Object)> {
         let (name, object) = match (&self.object, &self.mesh) {
             (Some(name), None) => (name.clone(), dataset::generate::built_in_object(name)?),
-            (None, Some(path)) => {
-                let heaviness = self.heaviness()?;
-                let bytes =
-                    read(path).with_context(|| format!("cannot read {}", path.display()))?;
-                let import = mesh::import(&bytes, None)
-                    .with_context(|| format!("{} cannot be used", path.display()))?;
-                let parts = mesh::convex_parts_or_hull(&import.mesh).hulls;
-                let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-                let closed = import.healing.watertight;
-                let mass = match heaviness {
-                    Heaviness::Mass(mass) => mass,
-                    Heaviness::Density(density) => {
-                        density * mesh::solid(&import.mesh, closed)?.volume as f32
-                    }
-                };
-                let object = Object::new(&name, import.mesh, closed, parts, mass, FRICTION)?;
-                (name, object)
-            }
+            (None, Some(path)) => of_mesh(path, &self.heaviness()?)?,
             _ => bail!(
                 "name an object with --object, or a mesh file with --mesh and --mass or --density"
             ),
@@ -98,8 +81,24 @@ impl ObjectOptions {
     }
 }
 
+/// The object of a mesh file, and its name: that of the file.
+pub(crate) fn of_mesh(path: &Path, heaviness: &Heaviness) -> Result<(String, Object)> {
+    let bytes = read(path).with_context(|| format!("cannot read {}", path.display()))?;
+    let import =
+        mesh::import(&bytes, None).with_context(|| format!("{} cannot be used", path.display()))?;
+    let parts = mesh::convex_parts_or_hull(&import.mesh).hulls;
+    let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let closed = import.healing.watertight;
+    let mass = match heaviness {
+        Heaviness::Mass(mass) => *mass,
+        Heaviness::Density(density) => density * mesh::solid(&import.mesh, closed)?.volume as f32,
+    };
+    let object = Object::new(&name, import.mesh, closed, parts, mass, FRICTION)?;
+    Ok((name, object))
+}
+
 /// How heavy a mesh is.
-enum Heaviness {
+pub(crate) enum Heaviness {
     /// In kilograms.
     Mass(f32),
     /// In kilograms a cubic metre.

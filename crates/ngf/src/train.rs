@@ -1,9 +1,10 @@
 //! `ngf train encoder` and `ngf train policy`: training with checkpoints; a killed run continues.
 
+use crate::environment;
 use ::policy::model::ModelConfig;
 use ::policy::network::{NetworkConfig, POLICIES};
 use ::policy::{Network, PolicyConfig};
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result};
 use dataset::Dataset;
 use dataset::store;
 use imitation::autoencoder::{self, AutoencoderConfig};
@@ -13,7 +14,6 @@ use robot::Tree;
 use serde_json::json;
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::process::Command;
 use std::time::Instant;
 
 /// What to train.
@@ -76,15 +76,6 @@ fn at_least_one(text: &str) -> Result<usize, String> {
     }
 }
 
-/// Matrix products stay on the thread of their shard; memory that is freed is kept, for a step frees
-/// and takes hundreds of megabytes (6.0 against 2.6 steps/s).
-const ENVIRONMENT: [(&str, &str); 4] = [
-    ("RAYON_NUM_THREADS", "1"),
-    ("MALLOC_MMAP_THRESHOLD_", "4294967296"),
-    ("MALLOC_TRIM_THRESHOLD_", "8589934592"),
-    ("MALLOC_TOP_PAD_", "268435456"),
-];
-
 /// Steps between two looks at free roll-outs.
 const EVALUATION: u64 = 10_000;
 
@@ -92,17 +83,8 @@ const EVALUATION: u64 = 10_000;
 const SHOWN: usize = 20;
 
 pub(crate) fn run(options: &Options) -> Result<()> {
-    if ENVIRONMENT.iter().any(|(name, value)| std::env::var(name).as_deref() != Ok(value)) {
-        let program = std::env::current_exe().context("where this program is")?;
-        let mut again = Command::new(program);
-        again.args(std::env::args_os().skip(1)).envs(ENVIRONMENT);
-        let status = again.status()?;
-        return match status.code() {
-            Some(0) => Ok(()),
-            // It has said why.
-            Some(code) => std::process::exit(code),
-            None => bail!("training was stopped; run the same command again to continue it"),
-        };
+    if environment::run_again()? {
+        return Ok(());
     }
     match options {
         Options::Encoder(run) => encoder(run),

@@ -2,6 +2,7 @@
 
 use crate::approach::{Sight, look, script};
 use crate::episode::{Episode, row_of};
+use crate::motion::Motion;
 use crate::verdict::{Failure, Story, Verdict};
 use crate::workcell::{RolloutError, Workcell};
 use geometry::Vec3;
@@ -353,6 +354,12 @@ impl Attempt {
             }
             self.tick(workcell);
         }
+    }
+
+    /// How the controller moved between start and lift, if it came to act.
+    pub fn motion(&self) -> Option<Motion> {
+        let end = self.lift_tick.unwrap_or(self.ticks());
+        Motion::of_rows(self.targets.get(self.approach_ticks..=end)?)
     }
 
     /// The recording so far.

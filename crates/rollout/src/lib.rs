@@ -8,6 +8,7 @@ pub mod attempt;
 pub mod demonstration;
 pub mod episode;
 pub mod interval;
+pub mod motion;
 pub mod verdict;
 pub mod workcell;
 
@@ -15,5 +16,6 @@ pub use attempt::{Attempt, Controller, Phase, pose_of_seed};
 pub use demonstration::Demonstration;
 pub use episode::Episode;
 pub use interval::wilson95;
+pub use motion::Motion;
 pub use verdict::{Failure, Verdict};
 pub use workcell::{RolloutError, Workcell};

@@ -1,0 +1,137 @@
+//! How long full steps of training take, and what their matrix products alone would.
+
+use crate::autoencoder::{self, AutoencoderConfig};
+use crate::dagger::DaggerConfig;
+use crate::nn::adam::AdamW;
+use crate::nn::network::{self, Network};
+use crate::nn::ngf::Active;
+use crate::nn::{Params, autoencoder as twin};
+use crate::shards::{Gradient, differentiate};
+use anyhow::{Context, Result};
+use candle_core::{Device, Tensor};
+use policy::PolicyConfig;
+use policy::encoder::{CLOUD, LATENT};
+use policy::fourier::{FEATURES, FREQUENCIES};
+use policy::ngf::{HIDDEN, PARTS, Velocity};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use robot::{DOF, JointState, JointVector, Tree};
+use std::collections::BTreeMap;
+use std::time::Instant;
+
+/// Steps that are measured after as many that are not.
+const STEPS: usize = 8;
+
+/// Names and milliseconds: a step of the NGF, the products of one of its shards, a step of the encoder.
+pub fn rows() -> Result<Vec<(&'static str, f64)>> {
+    let policy = PolicyConfig::named("ngf-pcd").context("the policy of the paper")?;
+    let config = DaggerConfig::standard(policy);
+    Ok(vec![
+        ("ngf_training_step", ngf(&config)?),
+        ("ngf_training_products", products(config.batch / config.shards)?),
+        ("encoder_training_step", encoder(&AutoencoderConfig::standard())?),
+    ])
+}
+
+/// Median time (ms) of `work`.
+fn time(mut work: impl FnMut() -> Result<()>) -> Result<f64> {
+    let mut times = Vec::new();
+    for _ in 0..2 * STEPS {
+        let begin = Instant::now();
+        work()?;
+        times.push(begin.elapsed().as_secs_f64() * 1e3);
+    }
+    let mut measured = times.split_off(STEPS);
+    measured.sort_by(f64::total_cmp);
+    Ok(measured[STEPS / 2])
+}
+
+/// A step of all five networks: features, gradient of ψ, solve, loss, gradients, AdamW.
+fn ngf(config: &DaggerConfig) -> Result<f64> {
+    let limits = Tree::iiwa7_allegro()?.limits;
+    let mut rng = ChaCha8Rng::seed_from_u64(0);
+    let mut params = Params::default();
+    network::init(&mut params, &config.policy, &mut rng)?;
+    let network = Network::new(&config.policy, &limits)?;
+    let mut adam = AdamW::new(params.count(), 1e-4);
+    let mut vector = || JointVector::from_fn(|_, _| rng.random_range(-0.5..0.5));
+    let states: Vec<JointState> =
+        (0..config.batch).map(|_| JointState { q: vector(), qd: vector() }).collect();
+    let z = vec![0.5f32; LATENT];
+    time(|| {
+        let gradients = differentiate(&states, config.shards, |part| {
+            let objects = vec![z.as_slice(); part.len()];
+            let response = network.respond(&params, part, &objects, Active::All)?;
+            let off = (response.accelerations - 1.0)?;
+            let mut loss = (off.sqr()?.sum(1)? + 1e-6)?.sqrt()?.mean_all()?;
+            if let Some(metrics) = response.metrics {
+                loss = (loss + metrics * config.metric_weight)?;
+            }
+            Gradient::of(&loss, &params)
+        })?;
+        adam.step(&params, &gradients, config.rate, 10.0)?;
+        Ok(())
+    })
+}
+
+/// Time (ms) of the products that a shard of that many states cannot do without, one after another on one thread:
+/// as long as a step would take if it consisted of nothing else.
+fn products(rows: usize) -> Result<f64> {
+    let mut counts: BTreeMap<[usize; 3], usize> = BTreeMap::new();
+    let mut add = |m: usize, k: usize, n: usize| *counts.entry([m, k, n]).or_insert(0) += 1;
+    for part in PARTS {
+        let velocity = if part.velocity == Velocity::Absent { 0 } else { DOF };
+        add(rows, DOF + velocity + LATENT, FREQUENCIES);
+        let widths = [FEATURES, HIDDEN, HIDDEN, HIDDEN, part.outputs];
+        let is_potential = part.outputs == 1 && part.velocity == Velocity::Absent;
+        // ψ itself is not needed: its last layer enters by its weights.
+        let layers = if is_potential { 3 } else { 4 };
+        for (layer, pair) in widths.windows(2).take(layers).enumerate() {
+            let [inputs, outputs] = [pair[0], pair[1]];
+            add(rows, inputs, outputs);
+            add(inputs, rows, outputs);
+            if layer > 0 {
+                add(rows, outputs, inputs);
+            }
+            if is_potential {
+                // Back through the layer, and the two gradients of that.
+                add(rows, outputs, inputs);
+                add(rows, inputs, outputs);
+                add(outputs, rows, inputs);
+            }
+        }
+        if is_potential {
+            add(rows, FREQUENCIES, DOF);
+            add(rows, DOF, FREQUENCIES);
+        }
+    }
+    let mut sum = 0.0;
+    for ([m, k, n], count) in counts {
+        let matrix = |rows, columns| Tensor::rand(-1f32, 1.0, (rows, columns), &Device::Cpu);
+        let (a, b) = (matrix(m, k)?, matrix(k, n)?);
+        let once = time(|| {
+            std::hint::black_box(a.matmul(&b)?);
+            Ok(())
+        })?;
+        sum += count as f64 * once;
+    }
+    Ok(sum)
+}
+
+/// A step of the autoencoder: encode, decode, Chamfer, gradients, AdamW.
+fn encoder(config: &AutoencoderConfig) -> Result<f64> {
+    let mut rng = ChaCha8Rng::seed_from_u64(0);
+    let mut params = Params::default();
+    twin::init(&mut params, &mut rng)?;
+    let mut adam = AdamW::new(params.count(), 1e-4);
+    let mut point = |axis: usize| [0.6, 0.0, -0.15][axis] + rng.random_range(-0.1f32..0.1);
+    let clouds: Vec<Vec<f32>> =
+        (0..config.batch).map(|_| (0..3 * CLOUD).map(|i| point(i % 3)).collect()).collect();
+    let batch: Vec<&[f32]> = clouds.iter().map(Vec::as_slice).collect();
+    time(|| {
+        let gradients =
+            differentiate(&batch, config.shards, |part| autoencoder::loss(&params, part, config))?;
+        adam.step(&params, &gradients, config.rate, 1.0)?;
+        Ok(())
+    })
+}

@@ -1,0 +1,171 @@
+//! `ngf suite`: the paper's comparison in one command; a run that was stopped goes on.
+
+use crate::evaluate::load;
+use crate::objects::{self, Heaviness};
+use anyhow::{Context, Result, bail};
+use dataset::generate::built_in_object;
+use dataset::store;
+use geometry::object::Object;
+use imitation::evaluation::{self, Report};
+use imitation::suite::{self, Suite};
+use indicatif::ProgressBar;
+use policy::network::POLICIES;
+use rollout::{Attempt, Controller, Workcell};
+use std::path::{Path, PathBuf};
+
+/// What is compared.
+#[derive(clap::Args)]
+pub(crate) struct Options {
+    /// Folder with a model in a folder each, named as the policies: ngf-pcd, ngf-pos, ...
+    #[arg(long, value_name = "DIR")]
+    models: PathBuf,
+    /// Objects: names of built-in ones, or `FILE:KG` for a mesh and its mass.
+    #[arg(long, value_name = "NAME|FILE:KG", value_delimiter = ',')]
+    #[arg(default_values_t = ["sugar_box", "bleach", "mustard"].map(str::to_owned))]
+    objects: Vec<String>,
+    /// Attempts of each policy on each object.
+    #[arg(long, default_value_t = 300)]
+    attempts: usize,
+    /// Seed of the first attempt, the same for all.
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// Where to write suite.json, suite.md, suite.svg, and an episode of every failure.
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+}
+
+/// One who acts on all objects.
+struct Contestant {
+    label: String,
+    controller: Controller,
+    friction: Option<f32>,
+    model: PathBuf,
+}
+
+/// Runs what is missing and writes the report.
+pub(crate) fn run(options: &Options) -> Result<()> {
+    let objects = options.objects.iter().map(|text| object(text)).collect::<Result<Vec<_>>>()?;
+    let contestants = contestants(&options.models)?;
+    let policies = contestants.iter().filter(|who| POLICIES.contains(&who.label.as_str())).count();
+    let mut found = Suite::default();
+    let mut workcell = Workcell::new()?;
+    for who in &contestants {
+        let model_hash = Some(load(&mut workcell, &who.model.to_string_lossy())?);
+        for (name, object) in &objects {
+            let cell = Cell { options, who, name, model_hash: &model_hash };
+            found.reports.push(cell.report(&workcell, object)?);
+        }
+    }
+    let json = serde_json::to_vec_pretty(&found)?;
+    store::write(&options.out.join("suite.json"), &json)?;
+    let table = suite::table(&found);
+    store::write(&options.out.join("suite.md"), table.as_bytes())?;
+    store::write(&options.out.join("suite.svg"), suite::figure(&found, policies).as_bytes())?;
+    print!("{table}");
+    Ok(())
+}
+
+/// The policies that are there, then the controls with the first of them.
+fn contestants(models: &Path) -> Result<Vec<Contestant>> {
+    let there: Vec<&str> = POLICIES.into_iter().filter(|name| models.join(name).is_dir()).collect();
+    let Some(first) = there.first() else {
+        bail!(
+            "{} holds no model; folders in it are named {}",
+            models.display(),
+            POLICIES.join(", ")
+        )
+    };
+    for missing in POLICIES.iter().filter(|name| !there.contains(name)) {
+        eprintln!("warning: {} has no {missing}", models.display());
+    }
+    let policy = |name: &&str| Contestant {
+        label: (*name).to_owned(),
+        controller: Controller::Policy,
+        friction: None,
+        model: models.join(name),
+    };
+    let control = |label: &str, controller, friction| Contestant {
+        label: label.to_owned(),
+        controller,
+        friction,
+        model: models.join(first),
+    };
+    let mut all: Vec<Contestant> = there.iter().map(policy).collect();
+    all.extend([
+        control("no policy", Controller::Script, None),
+        control("shuffled z", Controller::ShuffledLatent, None),
+        control("zero z", Controller::ZeroLatent, None),
+        control("friction 0", Controller::Policy, Some(0.0)),
+    ]);
+    Ok(all)
+}
+
+/// A built-in object, or a mesh with its mass.
+fn object(text: &str) -> Result<(String, Object)> {
+    match text.rsplit_once(':') {
+        None => Ok((text.to_owned(), built_in_object(text)?)),
+        Some((file, mass)) => {
+            let mass: f32 =
+                mass.parse().with_context(|| format!("{text}: the mass (kg) is no number"))?;
+            if !(mass.is_finite() && mass > 0.0) {
+                bail!("{text}: the mass must be a positive number of kilograms");
+            }
+            let mass = Heaviness::Mass(mass);
+            objects::of_mesh(Path::new(file), &mass)
+        }
+    }
+}
+
+/// One policy on one object.
+struct Cell<'a> {
+    options: &'a Options,
+    who: &'a Contestant,
+    name: &'a str,
+    model_hash: &'a Option<String>,
+}
+
+impl Cell<'_> {
+    /// The report that is there, if it is of the same things, or a new one.
+    fn report(&self, workcell: &Workcell, object: &Object) -> Result<Report> {
+        let Self { options, who, name, model_hash } = self;
+        let object = match who.friction {
+            Some(friction) => object.clone().with_friction(friction),
+            None => object.clone(),
+        };
+        let words = format!("{}-{name}", who.label.replace(' ', "-"));
+        let path = options.out.join("cells").join(format!("{words}.json"));
+        if let Ok(bytes) = std::fs::read(&path) {
+            let known: Report = serde_json::from_slice(&bytes)
+                .with_context(|| format!("{} is damaged: delete it", path.display()))?;
+            let is_same = known.object_hash == object.hash()
+                && known.scene_hash == scene::config::scene_hash()
+                && known.model_hash == **model_hash
+                && (known.seed, known.attempts) == (options.seed, options.attempts);
+            if is_same {
+                return Ok(known);
+            }
+        }
+        let bar = ProgressBar::new(options.attempts as u64);
+        bar.set_message(words.clone());
+        let failures = options.out.join("failures");
+        let observe = |attempt: &Attempt| {
+            bar.inc(1);
+            if attempt.verdict().is_some_and(|verdict| verdict.is_lifted()) {
+                return Ok(());
+            }
+            let episode = attempt.episode();
+            let file = failures.join(format!("{words}-{}.json", episode.seed));
+            store::write(&file, &serde_json::to_vec(&episode)?)
+        };
+        let seeds = options.seed..options.seed + options.attempts as u64;
+        let controller = &who.controller;
+        let found =
+            evaluation::evaluate(workcell, &object, name, controller, None, seeds, &observe)?;
+        bar.finish_and_clear();
+        let report =
+            Report { policy: who.label.clone(), model_hash: (*model_hash).clone(), ..found };
+        crate::evaluate::print(&report);
+        store::write(&path, &serde_json::to_vec_pretty(&report)?)?;
+        Ok(report)
+    }
+}

@@ -1,0 +1,71 @@
+//! How a controller moved the joints: what is compared beside success.
+
+use robot::{DOF, JointState};
+use scene::config::CONTROL_PERIOD;
+
+/// A motion between start and lift.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Motion {
+    /// Duration (s).
+    pub seconds: f64,
+    /// Length of the path in joint space (rad, norm over all joints).
+    pub path: f64,
+    /// Root mean square of the jerk (rad/s³, norm over all joints).
+    pub jerk: f64,
+}
+
+impl Motion {
+    /// Of states that are a control period apart; `None` of fewer than three.
+    pub fn of(states: &[JointState]) -> Option<Self> {
+        if states.len() < 3 {
+            return None;
+        }
+        let path = states.windows(2).map(|pair| (pair[1].q - pair[0].q).norm()).sum();
+        // Under Eq. 7 the second difference of the velocity is the jerk times dt².
+        let squares: f64 = states
+            .windows(3)
+            .map(|three| (three[2].qd - three[1].qd * 2.0 + three[0].qd).norm_squared())
+            .sum();
+        let mean = squares / (states.len() - 2) as f64;
+        Some(Self {
+            seconds: (states.len() - 1) as f64 * CONTROL_PERIOD,
+            path,
+            jerk: libm::sqrt(mean) / (CONTROL_PERIOD * CONTROL_PERIOD),
+        })
+    }
+
+    /// Of rows of joint positions, then velocities.
+    pub(crate) fn of_rows(rows: &[Vec<f64>]) -> Option<Self> {
+        let state = |row: &Vec<f64>| JointState {
+            q: robot::JointVector::from_column_slice(&row[..DOF]),
+            qd: robot::JointVector::from_column_slice(&row[DOF..]),
+        };
+        Self::of(&rows.iter().map(state).collect::<Vec<_>>())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use robot::{JointVector, integrator};
+
+    #[test]
+    fn a_steady_push_has_a_path_and_no_jerk() {
+        let qdd = JointVector::from_element(0.5);
+        let mut states = vec![JointState::at_rest(JointVector::zeros())];
+        for i in 0..30 {
+            states.push(integrator::step(&states[i], &qdd, CONTROL_PERIOD));
+        }
+        let motion = Motion::of(&states).unwrap();
+        let root = libm::sqrt(DOF as f64);
+        assert!((motion.seconds - 1.0).abs() < 1e-12 && (motion.path - 0.25 * root).abs() < 1e-9);
+        assert!(motion.jerk < 1e-9);
+        assert_eq!(Motion::of(&states[..2]), None);
+        // A push that is reversed once: one jump of the acceleration by 2 x 0.5 in 31 - 2 differences.
+        for i in 30..60 {
+            states.push(integrator::step(&states[i], &-qdd, CONTROL_PERIOD));
+        }
+        let wanted = root * 30.0 / libm::sqrt(59.0);
+        assert!((Motion::of(&states).unwrap().jerk - wanted).abs() < 1e-6 * wanted);
+    }
+}
