@@ -2,8 +2,8 @@
 
 use geometry::catalog::{CATALOG, LOOK_ALIKES};
 
-/// Counts the changes of what a configuration makes: 3, Parquet in LeRobot's layout.
-pub const VERSION: u32 = 3;
+/// Counts the changes of what a configuration makes: 3, Parquet in LeRobot's layout; 4, surfaces of objects.
+pub const VERSION: u32 = 4;
 
 /// What a dataset holds; this and the program decide its bytes.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]

@@ -9,6 +9,7 @@ use crate::store::{self, values};
 use crate::summary::Summary;
 use crate::table;
 use anyhow::{Context, Result, bail, ensure};
+use geometry::Vec3;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use safetensors::SafeTensors;
@@ -37,6 +38,17 @@ pub struct PoseRecord {
     pub turns: Vec<f32>,
     /// Noisy clouds, each 512 x 3; as many at each of these bearings, one bearing after another.
     pub clouds: Vec<Vec<f32>>,
+}
+
+/// A cloud for the encoder.
+#[derive(Clone, Debug)]
+pub struct View {
+    /// Index of the object among the encoder's.
+    pub object: usize,
+    /// Where it stands: x, y (m), yaw (rad).
+    pub pose: [f32; 3],
+    /// Its noisy cloud, 512 x 3, base frame.
+    pub cloud: Vec<f32>,
 }
 
 /// All that decides the bytes of a dataset, but for the program.
@@ -252,20 +264,43 @@ impl Dataset {
         Ok((0..count).map(record).collect())
     }
 
-    /// Reads all noisy clouds of the encoder's data, each 512 x 3.
-    pub fn encoder_clouds(&self) -> Result<Vec<Vec<f32>>> {
-        let mut clouds = Vec::new();
-        for name in &self.config.encoder_objects {
+    /// Reads the encoder's data.
+    pub fn encoder_views(&self) -> Result<Vec<View>> {
+        let mut views = Vec::new();
+        for (object, name) in self.config.encoder_objects.iter().enumerate() {
             for file in 0..self.cloud_files() {
                 let path = self.cloud_path(name, file);
                 let bytes = store::read(&path)?;
-                let tensors = SafeTensors::deserialize(&bytes)
-                    .with_context(|| format!("{} is damaged", path.display()))?;
-                let noisy = values(&tensors, "noisy")?;
-                clouds.extend(noisy.chunks_exact(3 * CLOUD).map(<[f32]>::to_vec));
+                let damaged = || format!("{} is damaged", path.display());
+                let tensors = SafeTensors::deserialize(&bytes).with_context(damaged)?;
+                let noisy = values(&tensors, "noisy").with_context(damaged)?;
+                let poses = values(&tensors, "poses").with_context(damaged)?;
+                let clouds = noisy.chunks_exact(3 * CLOUD).zip(poses.chunks_exact(3));
+                views.extend(clouds.map(|(cloud, pose)| View {
+                    object,
+                    pose: [pose[0], pose[1], pose[2]],
+                    cloud: cloud.to_vec(),
+                }));
             }
         }
-        Ok(clouds)
+        Ok(views)
+    }
+
+    /// Points on the whole surface of each of the encoder's objects, in the object's frame.
+    pub fn surfaces(&self) -> Result<Vec<Vec<Vec3>>> {
+        let path = self.surfaces_path();
+        let bytes = store::read(&path)?;
+        let damaged = || format!("{} is damaged", path.display());
+        let tensors = SafeTensors::deserialize(&bytes).with_context(damaged)?;
+        let surface = |name: &String| -> Result<Vec<Vec3>> {
+            let points = values(&tensors, name).with_context(damaged)?;
+            Ok(points.chunks_exact(3).map(Vec3::from_slice).collect())
+        };
+        self.config.encoder_objects.iter().map(surface).collect()
+    }
+
+    pub(crate) fn surfaces_path(&self) -> PathBuf {
+        self.dir.join("clouds/surfaces.safetensors")
     }
 
     /// Files of the encoder's clouds of each object.

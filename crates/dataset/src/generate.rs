@@ -13,6 +13,7 @@ use crate::store;
 use anyhow::{Context, Result, bail};
 use geometry::catalog::base_of;
 use geometry::object::Object;
+use geometry::surface;
 use grasps::search::{GraspSet, SearchConfig, search};
 use grasps::sides::all_sides;
 use grasps::transfer::transfer;
@@ -21,6 +22,9 @@ use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// Points on the surface of an object: so many that what is symmetric has symmetric moments.
+const SURFACE: usize = 4096;
 
 /// Objects by name.
 pub type Objects = BTreeMap<String, Object>;
@@ -56,6 +60,7 @@ impl Dataset {
         if !self.dir.join(MANIFEST).exists() {
             let viewer = Viewer::new(robot);
             self.make_grasps(robot, objects, observer)?;
+            self.make_surfaces(objects)?;
             self.make_clouds(&viewer, objects, observer)?;
             self.make_parts(&viewer, objects, observer)?;
             self.put_together(robot, objects, observer)?;
@@ -91,6 +96,26 @@ impl Dataset {
         let path = self.grasps_path(name);
         let bytes = store::read(&path)?;
         serde_json::from_slice(&bytes).with_context(|| format!("{} is damaged", path.display()))
+    }
+
+    /// Points on the whole surface of each object that the encoder sees a part of.
+    fn make_surfaces(&self, objects: &Objects) -> Result<()> {
+        let path = self.surfaces_path();
+        if path.exists() {
+            return Ok(());
+        }
+        let surface = |name: &String| -> Result<Vec<f32>> {
+            let points = surface::points(&object(objects, name)?.mesh, SURFACE);
+            Ok(points.iter().flat_map(|point| point.to_array()).collect())
+        };
+        let names = &self.config.encoder_objects;
+        let surfaces = names.iter().map(surface).collect::<Result<Vec<_>>>()?;
+        let tensors: Vec<store::Named> = names
+            .iter()
+            .zip(&surfaces)
+            .map(|(name, points)| (name.as_str(), vec![points.len() / 3, 3], points.as_slice()))
+            .collect();
+        store::write(&path, &store::encode(&tensors, None)?)
     }
 
     /// The encoder's clouds.

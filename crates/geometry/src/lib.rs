@@ -8,6 +8,7 @@ pub mod loft;
 pub mod mesh;
 pub mod object;
 pub mod solid;
+pub mod surface;
 pub mod symmetry;
 
 /// A vector or point in space (m), single precision.

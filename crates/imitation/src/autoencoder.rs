@@ -1,10 +1,13 @@
-//! Training the autoencoder: Chamfer distance plus the squared norm of z (paper §III-D).
+//! Training the autoencoder: Chamfer distance plus the squared norm of z (paper §III-D), and the moments of the whole
+//! object.
 
+use crate::moments::{MOMENTS, Scale, moments};
 use crate::nn::adam::{AdamW, schedule};
 use crate::nn::chamfer::Chamfer;
 use crate::nn::{Params, autoencoder as twin};
 use crate::shards::{Gradient, differentiate};
 use anyhow::{Result, bail};
+use candle_core::{Device, Tensor};
 use dataset::Dataset;
 use dataset::store;
 use nalgebra::DMatrix;
@@ -27,14 +30,52 @@ pub struct AutoencoderConfig {
     pub rate: f32,
     /// Weight of the squared norm of z.
     pub latent_weight: f64,
+    /// Weight of the moments of the whole surface, read linearly from z ([`crate::moments`]).
+    pub moment_weight: f64,
     /// Seed of weights and batches.
     pub seed: u64,
+}
+
+/// What the autoencoder learns from: a cloud turned to the front, and the moments of the whole object there.
+#[derive(Clone, Debug)]
+pub struct Example {
+    /// 512 x 3.
+    pub cloud: Vec<f32>,
+    /// In units of their spread.
+    pub moments: [f32; MOMENTS],
+}
+
+/// The examples of a dataset.
+fn examples(dataset: &Dataset) -> Result<Vec<Example>> {
+    let surfaces = dataset.surfaces()?;
+    let (mut clouds, mut raw) = (Vec::new(), Vec::new());
+    for view in dataset.encoder_views()? {
+        let (bearing, cloud) = to_front(&view.cloud);
+        raw.push(moments(&surfaces[view.object], pose_in_front(view.pose, bearing)));
+        clouds.push(cloud);
+    }
+    let scale = Scale::of(&raw);
+    let example = |(cloud, raw): (Vec<f32>, &_)| Example { cloud, moments: scale.apply(raw) };
+    Ok(clouds.into_iter().zip(&raw).map(example).collect())
+}
+
+/// An object pose x, y (m), yaw (rad) with the object turned to the front from its bearing (rad).
+pub fn pose_in_front(pose: [f32; 3], bearing: f64) -> [f32; 3] {
+    dataset::poses::turned(pose, -bearing as f32)
 }
 
 impl AutoencoderConfig {
     /// About a quarter of an hour on two cores.
     pub fn standard() -> Self {
-        Self { steps: 12_000, batch: 32, shards: 2, rate: 1e-3, latent_weight: 1e-4, seed: 0 }
+        Self {
+            steps: 12_000,
+            batch: 32,
+            shards: 2,
+            rate: 1e-3,
+            latent_weight: 1e-4,
+            moment_weight: 0.05,
+            seed: 0,
+        }
     }
 }
 
@@ -52,14 +93,14 @@ pub fn train(
     out: &Path,
     progress: &mut dyn FnMut(u64, u64, f32),
 ) -> Result<()> {
-    let clouds: Vec<Vec<f32>> =
-        dataset.encoder_clouds()?.iter().map(|cloud| to_front(cloud).1).collect();
-    if clouds.is_empty() {
+    let examples = examples(dataset)?;
+    if examples.is_empty() {
         bail!("the dataset has no clouds for the encoder");
     }
     let mut rng = ChaCha8Rng::seed_from_u64(config.seed);
     let mut params = Params::default();
     twin::init(&mut params, &mut rng)?;
+    twin::init_moments(&mut params, &mut rng)?;
     let mut adam = AdamW::new(params.count(), 1e-4);
     let checkpoint = out.join("encoder.checkpoint.safetensors");
     let settings = serde_json::json!({ "training": config, "data": dataset.config });
@@ -68,9 +109,8 @@ pub fn train(
     let mut since = Vec::new();
     while adam.steps < config.steps {
         let mut rng = ChaCha8Rng::seed_from_u64(config.seed ^ (adam.steps + 1) << 20);
-        let batch: Vec<&[f32]> = (0..config.batch)
-            .map(|_| clouds[rng.random_range(0..clouds.len())].as_slice())
-            .collect();
+        let batch: Vec<&Example> =
+            (0..config.batch).map(|_| &examples[rng.random_range(0..examples.len())]).collect();
         let gradients = differentiate(&batch, config.shards, |part| loss(&params, part, config))?;
         let rate = schedule(adam.steps, 200, config.steps, config.rate);
         let norm = adam.step(&params, &gradients, rate, 1.0)?;
@@ -87,8 +127,8 @@ pub fn train(
         }
     }
     // Every object has its share.
-    let shown: Vec<Vec<f32>> =
-        clouds.iter().step_by(clouds.len().div_ceil(WHITENED)).cloned().collect();
+    let shown = examples.iter().step_by(examples.len().div_ceil(WHITENED));
+    let shown: Vec<Vec<f32>> = shown.map(|example| example.cloud.clone()).collect();
     let latents = encode_all(&params, &shown)?;
     store::write(&out.join("encoder.safetensors"), &params.save()?)?;
     let whitening = store::encode(&whiten(&latents).tensors(), None)?;
@@ -96,12 +136,21 @@ pub fn train(
 }
 
 /// Mean loss of a part of the batch and its gradient.
-pub fn loss(params: &Params, clouds: &[&[f32]], config: &AutoencoderConfig) -> Result<Gradient> {
-    let z = twin::encode(params, clouds)?;
+pub fn loss(
+    params: &Params,
+    examples: &[&Example],
+    config: &AutoencoderConfig,
+) -> Result<Gradient> {
+    let clouds: Vec<&[f32]> = examples.iter().map(|example| example.cloud.as_slice()).collect();
+    let z = twin::encode(params, &clouds)?;
     let made = twin::decode(params, &z)?;
-    let chamfer = made.apply_op2(&twin::targets(clouds)?, Chamfer)?.mean_all()?;
+    let chamfer = made.apply_op2(&twin::targets(&clouds)?, Chamfer)?.mean_all()?;
     let size = (z.sqr()?.mean_all()? * config.latent_weight)?;
-    let gradient = Gradient::of(&(&chamfer + size)?, params)?;
+    let wanted = examples.iter().flat_map(|example| example.moments).collect::<Vec<f32>>();
+    let wanted = Tensor::from_vec(wanted, (examples.len(), MOMENTS), &Device::Cpu)?;
+    let off = (twin::moments(params, &z)? - wanted)?.sqr()?.mean_all()?;
+    let moments = (off * config.moment_weight)?;
+    let gradient = Gradient::of(&((&chamfer + size)? + moments)?, params)?;
     Ok(Gradient { loss: chamfer.to_scalar::<f32>()?, ..gradient })
 }
 

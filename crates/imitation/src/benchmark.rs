@@ -1,7 +1,8 @@
 //! How long full steps of training take, and what their matrix products alone would.
 
-use crate::autoencoder::{self, AutoencoderConfig};
+use crate::autoencoder::{self, AutoencoderConfig, Example};
 use crate::dagger::DaggerConfig;
+use crate::moments::MOMENTS;
 use crate::nn::adam::AdamW;
 use crate::nn::network::{self, Network};
 use crate::nn::ngf::Active;
@@ -123,11 +124,13 @@ fn encoder(config: &AutoencoderConfig) -> Result<f64> {
     let mut rng = ChaCha8Rng::seed_from_u64(0);
     let mut params = Params::default();
     twin::init(&mut params, &mut rng)?;
+    twin::init_moments(&mut params, &mut rng)?;
     let mut adam = AdamW::new(params.count(), 1e-4);
     let mut point = |axis: usize| [0.6, 0.0, -0.15][axis] + rng.random_range(-0.1f32..0.1);
-    let clouds: Vec<Vec<f32>> =
-        (0..config.batch).map(|_| (0..3 * CLOUD).map(|i| point(i % 3)).collect()).collect();
-    let batch: Vec<&[f32]> = clouds.iter().map(Vec::as_slice).collect();
+    let mut cloud = || (0..3 * CLOUD).map(|i| point(i % 3)).collect();
+    let examples: Vec<Example> =
+        (0..config.batch).map(|_| Example { cloud: cloud(), moments: [0.0; MOMENTS] }).collect();
+    let batch: Vec<&Example> = examples.iter().collect();
     time(|| {
         let gradients =
             differentiate(&batch, config.shards, |part| autoencoder::loss(&params, part, config))?;

@@ -2,12 +2,13 @@
 
 use super::pool::Largest;
 use super::{Params, dense, mlp};
+use crate::moments::MOMENTS;
 use anyhow::Result;
 use candle_core::{D, Device, Tensor};
 use geometry::Vec3;
 use policy::encoder::{
-    CENTERS, CLOUD, DECODER_WIDTHS, GLOBAL_WIDTHS, LOCAL_WIDTHS, NEIGHBORS, READOUT_WIDTHS, RELU,
-    global_position, local_input, neighborhoods,
+    CENTERS, CLOUD, DECODER_WIDTHS, GLOBAL_WIDTHS, LATENT, LOCAL_WIDTHS, NEIGHBORS, READOUT_WIDTHS,
+    RELU, global_position, local_input, neighborhoods,
 };
 use rand_chacha::ChaCha8Rng;
 
@@ -17,6 +18,11 @@ pub fn init(params: &mut Params, rng: &mut ChaCha8Rng) -> Result<()> {
     params.add_mlp("encoder.global", &GLOBAL_WIDTHS, 1.0, rng)?;
     params.add_mlp("encoder.readout", &READOUT_WIDTHS, 1.0, rng)?;
     params.add_mlp("decoder", &DECODER_WIDTHS, 1.0, rng)
+}
+
+/// Adds fresh parameters of the read-out that only training needs.
+pub fn init_moments(params: &mut Params, rng: &mut ChaCha8Rng) -> Result<()> {
+    params.add_mlp("moments", &[LATENT, MOMENTS], 1.0, rng)
 }
 
 /// Numbers as points.
@@ -63,6 +69,11 @@ pub fn decode(params: &Params, z: &Tensor) -> Result<Tensor> {
     let batch = z.dims()[0];
     let flat = mlp(z, params, "decoder", DECODER_WIDTHS.len() - 1, RELU)?;
     Ok(flat.reshape((batch, CLOUD, 3))?.contiguous()?)
+}
+
+/// The moments of the whole surfaces that `z` tells, shape (B, MOMENTS): a linear read-out.
+pub fn moments(params: &Params, z: &Tensor) -> Result<Tensor> {
+    Ok(mlp(z, params, "moments", 1, RELU)?)
 }
 
 /// The clouds as targets of [`decode`].
