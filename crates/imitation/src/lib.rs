@@ -11,6 +11,7 @@ pub mod expert;
 pub mod moments;
 pub mod nn;
 pub mod readout;
+pub mod reconstruction;
 pub mod shards;
 pub mod suite;
 pub mod training;

@@ -7,6 +7,8 @@ use crate::nn::{Params, autoencoder as twin};
 use anyhow::{Context, Result};
 use dataset::Dataset;
 use dataset::store;
+use geometry::Vec3;
+use policy::encoder::{WORKSPACE_MIDDLE, WORKSPACE_SCALE};
 use policy::model::{ModelConfig, VERSION};
 use policy::weights::Tensors;
 use policy::{Encoding, Network, Observation, Whitening, network};
@@ -54,6 +56,16 @@ impl TrainedEncoder {
         twin::init(&mut params, &mut ChaCha8Rng::seed_from_u64(0))?;
         params.restore(weights)?;
         Ok(Self { params, whitening: Whitening::load(&Tensors::parse(weights)?)? })
+    }
+
+    /// What the decoder makes of a cloud that has been turned to the front.
+    pub fn reconstruct(&self, front: &[Vec3]) -> Result<Vec<Vec3>> {
+        let flat: Vec<f32> = front.iter().flat_map(|p| p.to_array()).collect();
+        let made = twin::decode(&self.params, &twin::encode(&self.params, &[&flat])?)?;
+        let middle = Vec3::from_array(WORKSPACE_MIDDLE);
+        let points = made.flatten_all()?.to_vec1::<f32>()?;
+        let point = |p: &[f32]| middle + Vec3::from_slice(p) * WORKSPACE_SCALE;
+        Ok(points.chunks_exact(3).map(point).collect())
     }
 
     /// What a policy is told of clouds (base frame).

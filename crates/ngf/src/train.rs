@@ -8,10 +8,12 @@ use anyhow::{Context, Result};
 use dataset::Dataset;
 use dataset::generate::built_in_object;
 use dataset::store;
+use geometry::object::Object;
 use grasps::Robot;
 use imitation::autoencoder::{self, AutoencoderConfig};
 use imitation::dagger::{self, DaggerConfig};
 use imitation::readout::readout;
+use imitation::reconstruction::picture;
 use imitation::training::{self, TrainedEncoder};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -115,15 +117,19 @@ fn encoder(run: &Run) -> Result<()> {
 /// Views of an object to which a read-out of the pose is fitted, and on which it is tried.
 const VIEWS: usize = 1000;
 
-/// Says what a linear read-out of z tells of the pose of each object, and of one that the encoder has not seen.
+/// Draws what the autoencoder makes of clouds, and says what a linear read-out of z tells of the pose of each object,
+/// and of one that the encoder has not seen.
 fn examine(out: &Path, names: &[String]) -> Result<()> {
     let (encoder, robot) = (TrainedEncoder::load(out)?, Robot::standard()?);
     let mut report = serde_json::Map::new();
     let is_variant = |name: &&str| name.contains('.');
     let seen = names.iter().map(String::as_str).filter(|name| !is_variant(name));
-    for name in seen.chain(["mustard"]) {
-        // A mesh of somebody's is no longer at hand.
-        let Ok(object) = built_in_object(name) else { continue };
+    // A mesh of somebody's is no longer at hand.
+    let known = |name| Some((name, built_in_object(name).ok()?));
+    let objects: Vec<(&str, Object)> = seen.chain(["mustard"]).filter_map(known).collect();
+    let picture = picture(&encoder, &robot, &objects, &mut ChaCha8Rng::seed_from_u64(1))?;
+    store::write(&out.join("encoder.svg"), picture.as_bytes())?;
+    for (name, object) in objects {
         let mut rng = ChaCha8Rng::seed_from_u64(0);
         let found = readout(&encoder, &robot, &object, VIEWS, &mut rng)?;
         let [median, p90] = found.position.map(|x| 1e3 * x);
