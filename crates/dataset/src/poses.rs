@@ -3,25 +3,20 @@
 
 use geometry::Vec3;
 use geometry::object::Object;
+use geometry::sequence::spread;
 use grasps::{Robot, demonstration};
 use rand::{Rng, RngExt};
 use robot::{Isometry, rotation};
 
-/// The index-th pose of a sequence that fills workspace and yaw evenly (Kronecker, with the roots of
-/// x⁴ = x + 1 as in M. Roberts' generalisation of the golden ratio).
+/// The index-th pose of a sequence that fills workspace and yaw evenly ([`geometry::sequence`]).
 ///
 /// *Departure: the paper places objects on a grid; a policy that is tested between its poses learns
 /// more from as many poses that lie on no grid.*
 pub fn spread_pose(robot: &Robot, index: usize) -> [f32; 3] {
-    const STEPS: [f64; 3] =
-        [0.819_172_513_396_164_4, 0.671_043_606_703_789_3, 0.549_700_477_901_970_4];
-    let share = |k: usize| {
-        let at = 0.5 + STEPS[k] * (index + 1) as f64;
-        (at - libm::floor(at)) as f32
-    };
+    let share = spread(index);
     let [x, y] = [robot.config.workspace.x, robot.config.workspace.y];
     let pi = std::f32::consts::PI;
-    [x[0] + (x[1] - x[0]) * share(0), y[0] + (y[1] - y[0]) * share(1), -pi + 2.0 * pi * share(2)]
+    [x[0] + (x[1] - x[0]) * share[0], y[0] + (y[1] - y[0]) * share[1], -pi + 2.0 * pi * share[2]]
 }
 
 /// An object pose, turned about the robot's vertical axis.

@@ -2,6 +2,7 @@
 
 use crate::Vec3;
 use crate::object::{Object, ObjectFile};
+use crate::sequence::spread;
 
 /// An object file of the project.
 #[derive(Clone, Copy, Debug)]
@@ -87,15 +88,12 @@ pub fn base_of(name: &str) -> Option<(&str, u32)> {
 /// Least and greatest factor of a variant's extents along x, y and z.
 const PROPORTIONS: [[f32; 2]; 3] = [[0.8, 1.1], [0.8, 1.1], [0.7, 1.1]];
 
-/// Factors of the extents of a variant: the first ones fill [`PROPORTIONS`] as evenly as many do (Kronecker, with the
-/// roots of x⁴ = x + 1).
+/// Factors of the extents of a variant, from 1: they fill [`PROPORTIONS`] evenly.
 fn proportions(variant: u32) -> Vec3 {
-    const STEPS: [f64; 3] =
-        [0.819_172_513_396_164_4, 0.671_043_606_703_789_3, 0.549_700_477_901_970_4];
+    let share = spread(variant as usize - 1);
     Vec3::from_array(std::array::from_fn(|axis| {
-        let at = 0.5 + STEPS[axis] * f64::from(variant);
         let [least, most] = PROPORTIONS[axis];
-        least + (most - least) * (at - libm::floor(at)) as f32
+        least + (most - least) * share[axis]
     }))
 }
 
