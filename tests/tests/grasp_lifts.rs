@@ -5,10 +5,12 @@
 use geometry::object::Object;
 use grasps::built_in::built_in;
 use grasps::place::Planned;
+use grasps::sides::all_sides;
 use grasps::trial::{Endurance, Physics, TrialOutcome};
-use grasps::{Robot, Setting};
+use grasps::{Robot, Setting, demonstration};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use rollout::{Attempt, Controller, Workcell};
 
 const REPEATS: usize = 20;
 /// Greatest shift (m) and turn (rad, 5 degrees) of the object in a repeat.
@@ -78,4 +80,23 @@ fn the_hand_alone_agrees_with_arm_and_hand() {
     println!("{agree} of {tried} agree, {lost} are lost");
     assert!(tried >= 20 && agree + 2 >= tried, "{agree} of {tried} agree");
     assert!(lost >= 3, "only {lost} are lost: a world that lifts everything would agree, too");
+}
+
+#[test]
+fn the_planner_passes_over_a_side_from_which_the_arm_cannot_lift() {
+    let workcell = Workcell::new().unwrap();
+    let robot = &workcell.robot;
+    let object = Object::built_in("soda_can").unwrap();
+    // Close to the robot, the side that moves the arm least leaves it no room upwards.
+    let pose = [0.48, 0.02, -1.84];
+    let grasps = all_sides(&object, &built_in("soda_can").unwrap().grasps);
+    let setting = Setting::new(robot, &object, &robot.config.upright(pose[0], pose[1], pose[2]));
+    let (_, first) = setting.options(&grasps).next().unwrap();
+    let lift = demonstration::lift_of(&setting, &first).unwrap().unwrap();
+    assert!(demonstration::rise(robot, &lift) < robot.config.attempt.held_height.into());
+
+    let (name, planner) = ("soda_can", Controller::Planner);
+    let mut attempt = Attempt::begin(&workcell, &object, name, Some(pose), 0, planner).unwrap();
+    let verdict = attempt.run(&workcell);
+    assert!(verdict.is_lifted(), "{verdict:?}");
 }

@@ -3,7 +3,7 @@
 use crate::grasp::table_solid;
 use crate::proposal::GRASP_CENTER;
 use crate::trial::{self, Endurance, Motion, Physics, TrialOutcome};
-use crate::{Posture, Setting};
+use crate::{Posture, Robot, Setting};
 use fabrics::planner::{Plan, PlannerConfig};
 use fabrics::terms::repulsion::Obstacle;
 use fabrics::{Fabric, FabricConfig, Goal};
@@ -275,6 +275,12 @@ pub fn lift_of(
 ) -> Result<Option<Vec<JointState>>, SceneError> {
     let robot = setting.robot;
     trial::plan_lift(&robot.config, &robot.tree, &JointState::at_rest(posture.squeeze))
+}
+
+/// Height (m) by which a lift raises the palm; near the edge of its reach the arm comes less far than is asked.
+pub fn rise(robot: &Robot, lift: &[JointState]) -> f64 {
+    let height = |state: &JointState| robot.tree.kinematics(&state.q).palm().translation.z;
+    lift.last().zip(lift.first()).map_or(0.0, |(last, first)| height(last) - height(first))
 }
 
 impl Demonstration {

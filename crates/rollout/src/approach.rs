@@ -15,6 +15,9 @@ use rand_chacha::ChaCha8Rng;
 use robot::{DOF, Isometry, JointState, JointVector, Limits};
 use scene::config::CONTROL_PERIOD;
 
+/// Height (m) by which a planned lift raises the palm beyond that at which an object counts as held.
+const LIFT_MARGIN: f64 = 0.004;
+
 /// What is known when the approach is planned.
 pub(crate) struct Sight<'a> {
     /// Where it happens.
@@ -71,7 +74,13 @@ impl Sight<'_> {
         let set = built_in(self.name).ok_or_else(unknown)?;
         let config = TrajectoryConfig::standard();
         let setting = Setting::new(robot, object, place);
+        let least = f64::from(robot.config.attempt.held_height) + LIFT_MARGIN;
         for (_, posture) in setting.options(&all_sides(object, &set.grasps)) {
+            // Close to its base the arm cannot raise a hand as far as one that it holds another way.
+            let lift = demonstration::lift_of(&setting, &posture)?;
+            if lift.is_none_or(|lift| demonstration::rise(robot, &lift) < least) {
+                continue;
+            }
             let palm = robot.tree.kinematics(&posture.touch).palm();
             let region = &robot.config.target;
             let above = demonstration::draw_target(region, &object.bounds, place, &palm, rng);
