@@ -2,8 +2,8 @@
 
 use geometry::catalog::{CATALOG, LOOK_ALIKES};
 
-/// Counts the changes of what a configuration makes: 3, Parquet in LeRobot's layout; 4, surfaces of objects.
-pub const VERSION: u32 = 4;
+/// Counts the changes of what a configuration makes: 3, Parquet in LeRobot's layout; 4, surfaces of objects; 5, overlap.
+pub const VERSION: u32 = 5;
 
 /// What a dataset holds; this and the program decide its bytes.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -19,6 +19,9 @@ pub struct DatasetConfig {
     pub poses: usize,
     /// Demonstrations of each pose (the paper's M).
     pub trajectories: usize,
+    /// Whether as many are made with each grasp that comes first at a pose a little beside: where one grasp takes over
+    /// from another, both are then demonstrated on both sides.
+    pub overlap: bool,
     /// Demonstrations of each pose that are replayed with arm and hand and shaken, too, whatever became of
     /// them with the hand alone.
     pub audits: usize,
@@ -72,6 +75,7 @@ impl DatasetConfig {
             objects: owned(&TAUGHT),
             poses: 24,
             trajectories: 32,
+            overlap: false,
             audits: 4,
             perturbed: 1,
             turns: 4,
@@ -94,6 +98,7 @@ impl DatasetConfig {
             "shipped" => Self {
                 poses: 800,
                 trajectories: 2,
+                overlap: true,
                 audits: 0,
                 perturbed: 0,
                 turns: 8,
@@ -105,6 +110,7 @@ impl DatasetConfig {
                 encoder_objects: with_variants(&ENCODED),
                 poses: 100,
                 trajectories: 2,
+                overlap: true,
                 audits: 0,
                 perturbed: 0,
                 turns: 8,

@@ -12,6 +12,7 @@ use rand::{Rng, RngExt};
 use rand_chacha::ChaCha8Rng;
 use robot::{JointState, integrator};
 use scene::config::CONTROL_PERIOD;
+use std::collections::BTreeSet;
 
 /// Attempts without success after which the next grasp is tried.
 const HOPELESS: usize = 3;
@@ -24,6 +25,11 @@ const MOST_TARGETS: usize = 1 << 20;
 
 /// Greatest error of Eq. 6 and 7 in a row, before rounding to the disk's precision.
 const ROW_ERROR: f64 = 1e-9;
+
+/// How far beside a pose another grasp may come first (m, rad): somewhat more than what a policy that has seen one cloud
+/// is off.
+const OVERLAP_SHIFT: f32 = 0.03;
+const OVERLAP_TURN: f32 = 0.3;
 
 /// How far an object is off in a perturbed replay: along x and y (m), about the vertical (rad), and the share of
 /// its friction.
@@ -45,16 +51,40 @@ pub(crate) struct Post<'a> {
 }
 
 impl Post<'_> {
-    /// Adds the attempts with the first grasp that works, and what went before, to `part`.
+    /// Adds the attempts with the first grasp that works, and what went before, to `part`; then, if the configuration
+    /// says so, those with the grasps that come first beside the pose.
     pub(crate) fn demonstrate(&self, part: &mut Part) -> Result<()> {
         part.offsets.push(0);
+        let mut tried = BTreeSet::new();
         for (grasp, posture) in self.setting.options(self.grasps) {
+            tried.insert(grasp);
             if self.try_posture(grasp, &posture, part)? > 0 {
                 part.jump = self.jump(grasp, &posture);
                 break;
             }
         }
+        if self.config.overlap {
+            let beside: BTreeSet<usize> = self.first_beside().collect();
+            for &grasp in beside.difference(&tried) {
+                if let Some(posture) = self.setting.reach(&self.grasps[grasp]) {
+                    self.try_posture(grasp, &posture, part)?;
+                }
+            }
+        }
         Ok(())
+    }
+
+    /// The grasps that come first at the poses beside this one.
+    fn first_beside(&self) -> impl Iterator<Item = usize> {
+        let ([x, y, yaw], config) = (self.pose, &self.setting.robot.config);
+        let [shift, turn] = [OVERLAP_SHIFT, OVERLAP_TURN];
+        [[shift, 0.0, 0.0], [0.0, shift, 0.0], [0.0, 0.0, turn]]
+            .into_iter()
+            .flat_map(|step| [1.0, -1.0].map(|sign| step.map(|along: f32| sign * along)))
+            .filter_map(move |[dx, dy, dyaw]| {
+                let beside = self.setting.elsewhere(&config.upright(x + dx, y + dy, yaw + dyaw));
+                beside.options(self.grasps).next().map(|(grasp, _)| grasp)
+            })
     }
 
     /// Demonstrations of one posture; gives up on one that does not work at once. Gives the number kept.
@@ -209,7 +239,40 @@ fn check_rows(found: &Demonstration) -> Result<()> {
 mod tests {
     use super::*;
     use grasps::demonstration::Miss;
+    use rand::SeedableRng;
     use robot::JointVector;
+
+    #[test]
+    fn where_one_grasp_takes_over_from_another_both_come_first_nearby() {
+        let robot = grasps::Robot::standard().unwrap();
+        let object = Object::built_in("bleach").unwrap();
+        let grasps = grasps::built_in::built_in("bleach").unwrap().grasps;
+        let config = DatasetConfig::preset("shipped", 0).unwrap();
+        let anywhere = Setting::anywhere(&robot, &object);
+        // The grasp that comes first at a yaw, and those that do nearby.
+        let at = |step: usize| {
+            let pose = [0.6, 0.0, OVERLAP_TURN * step as f32];
+            let post = Post {
+                config: &config,
+                name: "bleach",
+                grasps: &grasps,
+                setting: anywhere.elsewhere(&robot.config.upright(pose[0], pose[1], pose[2])),
+                pose,
+                index: step,
+                rng: &|_, _| ChaCha8Rng::from_seed([0; 32]),
+            };
+            let first = post.setting.options(&grasps).next().map(|(grasp, _)| grasp);
+            (first, post.first_beside().collect::<BTreeSet<usize>>())
+        };
+        let found: Vec<_> = (0..21).map(at).collect();
+        let firsts: BTreeSet<_> = found.iter().filter_map(|(first, _)| *first).collect();
+        assert!(firsts.len() > 1, "one grasp serves every yaw: {firsts:?}");
+        for pair in found.windows(2) {
+            let [(one, near_one), (other, near_other)] = pair else { continue };
+            assert!(other.is_none_or(|grasp| near_one.contains(&grasp)), "{pair:?}");
+            assert!(one.is_none_or(|grasp| near_other.contains(&grasp)), "{pair:?}");
+        }
+    }
 
     #[test]
     fn a_row_that_breaks_eq6_is_found() {

@@ -1,7 +1,8 @@
 //! DAgger with the surrogate expert: the policy visits states, the expert says what to do there
 //! (Eq. 2, paper §II-B).
 
-use crate::expert::{self, Demonstrations, Gains};
+use crate::expert::{self, Gains};
+use crate::lesson::Lesson;
 use crate::nn::Params;
 use crate::nn::adam::{AdamW, schedule};
 use crate::nn::network::{self, Network};
@@ -100,18 +101,6 @@ impl DaggerConfig {
 /// Steps of a roll-out that begins where an attempt does.
 const START_HORIZON: usize = 120;
 
-/// What the policy learns from: the demonstrations of one object pose, and its clouds, encoded.
-pub struct Lesson {
-    /// Number of the object pose: turned about the robot it is the same one.
-    pub pose: usize,
-    /// Demonstrations.
-    pub demonstrations: Demonstrations,
-    /// Each noisy cloud of the pose.
-    pub encodings: Vec<Encoding>,
-    /// Whether an attempt may begin at a start of this lesson.
-    pub has_starts: bool,
-}
-
 /// A state under way.
 #[derive(Clone, Copy)]
 struct Visit {
@@ -145,7 +134,7 @@ pub fn train(
     out: &Path,
     progress: &mut dyn FnMut(&Progress) -> Result<bool>,
 ) -> Result<Params> {
-    if !lessons.iter().any(|lesson| lesson.demonstrations.trajectories() > 0) {
+    if !lessons.iter().any(Lesson::is_full) {
         bail!("there are no demonstrations to learn from");
     }
     let class = Class::new(lessons);
@@ -210,27 +199,11 @@ pub fn train(
 struct Class<'a> {
     lessons: &'a [Lesson],
     taught: Vec<usize>,
-    /// For each of these, that of another pose with the nearest z.
-    neighbors: Vec<usize>,
 }
 
 impl<'a> Class<'a> {
     fn new(lessons: &'a [Lesson]) -> Self {
-        let is_full = |lesson: &Lesson| {
-            lesson.demonstrations.trajectories() > 0 && !lesson.encodings.is_empty()
-        };
-        let taught: Vec<usize> = (0..lessons.len()).filter(|&i| is_full(&lessons[i])).collect();
-        let distance = |a: usize, b: usize| -> f32 {
-            let pairs = lessons[a].encodings[0].z.iter().zip(&lessons[b].encodings[0].z);
-            pairs.map(|(a, b)| (a - b) * (a - b)).sum()
-        };
-        let nearest = |&i: &usize| {
-            let is_other = |&j: &usize| lessons[j].pose != lessons[i].pose && lessons[j].has_starts;
-            let others = taught.iter().copied().filter(is_other);
-            others.min_by(|&a, &b| distance(i, a).total_cmp(&distance(i, b))).unwrap_or(i)
-        };
-        let neighbors = taught.iter().map(nearest).collect();
-        Self { lessons, taught, neighbors }
+        Self { lessons, taught: (0..lessons.len()).filter(|&i| lessons[i].is_full()).collect() }
     }
 
     /// The states of a batch. Horizons are staggered, so that they are not all drawn anew at once.
@@ -242,26 +215,17 @@ impl<'a> Class<'a> {
         (0..config.batch).map(staggered).collect()
     }
 
-    /// A start of the neighbour or a noisy state of a random demonstration; `grown` is the share of
+    /// A start of a neighbour or a noisy state of a random demonstration; `grown` is the share of
     /// their full length that roll-outs have by now.
     fn draw(&self, config: &DaggerConfig, grown: f64, rng: &mut ChaCha8Rng) -> Visit {
         let length = |full: usize| 1 + (grown * (full.max(1) - 1) as f64) as usize;
-        let place = rng.random_range(0..self.taught.len());
-        let lesson = self.taught[place];
+        let lesson = self.taught[rng.random_range(0..self.taught.len())];
         let encoding = rng.random_range(0..self.lessons[lesson].encodings.len());
         if rng.random::<f64>() < grown * config.start_share {
-            let neighbor = &self.lessons[self.neighbors[place]];
-            let starts = &neighbor.demonstrations;
-            let (first, _) = starts.span(rng.random_range(0..starts.trajectories()));
-            let front = neighbor.encodings[0].in_front(&starts.state(first).q);
-            let q = self.lessons[lesson].encodings[encoding].at_bearing(&front);
-            let visit = Visit {
-                lesson,
-                encoding,
-                state: JointState::at_rest(q),
-                left: length(START_HORIZON),
-            };
-            // A neighbour that is grasped in another way is no place to begin from.
+            let start = self.lessons[lesson].draw_start(rng);
+            let q = self.lessons[lesson].encodings[encoding].at_bearing(&start);
+            let (state, left) = (JointState::at_rest(q), length(START_HORIZON));
+            let visit = Visit { lesson, encoding, state, left };
             if is_near(&visit, self.lessons) {
                 return visit;
             }
@@ -337,6 +301,8 @@ fn loss(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::expert::Demonstrations;
+    use crate::lesson::{introduce, starts};
 
     fn tiny() -> DaggerConfig {
         DaggerConfig::standard(PolicyConfig::tiny())
@@ -359,24 +325,28 @@ mod tests {
             demonstrations: Demonstrations::new(rows, vec![0, 3]).turned(turn),
             encodings: vec![cloud(0.01), cloud(-0.02)],
             has_starts: turn == 0.0,
+            near: Vec::new(),
         }
     }
 
     #[test]
     fn an_attempt_begins_at_the_start_of_another_pose_turned_to_the_bearing_that_is_seen() {
-        let lessons: Vec<Lesson> = (0..6).map(|k| lesson(k / 2, [0.0, 0.7][k % 2])).collect();
+        let mut lessons: Vec<Lesson> = (0..6).map(|k| lesson(k / 2, [0.0, 0.7][k % 2])).collect();
+        let among = starts(&lessons);
+        introduce(&mut lessons, &among);
         let class = Class::new(&lessons);
         let config = DaggerConfig { start_share: 1.0, ..tiny() };
         let mut rng = ChaCha8Rng::seed_from_u64(1);
         for _ in 0..40 {
             let visit = class.draw(&config, 1.0, &mut rng);
             let own = &lessons[visit.lesson];
-            let neighbor = &lessons[class.neighbors[visit.lesson]];
-            assert!(neighbor.pose.abs_diff(own.pose) == 1 && neighbor.has_starts);
-            let seen = own.encodings[visit.encoding].bearing;
-            let wanted = 0.1 * neighbor.pose as f64 + seen - neighbor.encodings[0].bearing;
-            assert!((visit.state.q[0] - wanted).abs() < 1e-6, "{}", visit.state.q[0]);
-            assert!((visit.state.q[1] - 0.1 * neighbor.pose as f64).abs() < 1e-6);
+            let q = visit.state.q;
+            let is_start_of = |pose: usize| (q[1] - 0.1 * pose as f64).abs() < 1e-6;
+            let pose = (0..3).find(|pose| is_start_of(*pose)).unwrap();
+            assert_ne!(pose, own.pose);
+            // The first cloud of the other lesson was seen at bearing 0.01.
+            let wanted = q[1] - 0.01 + own.encodings[visit.encoding].bearing;
+            assert!((q[0] - wanted).abs() < 1e-6, "{} against {wanted}", q[0]);
             assert_eq!(visit.state.qd.norm(), 0.0);
         }
     }

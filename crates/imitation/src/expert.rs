@@ -34,6 +34,9 @@ pub struct Demonstrations {
 
 const ROW: usize = 2 * DOF;
 
+/// Greatest difference (rad) of a joint in postures that are one.
+const ONE_POSTURE: f64 = 1e-3;
+
 impl Demonstrations {
     /// Takes rows of 46: q, q̇.
     pub fn new(rows: Vec<f32>, offsets: Vec<usize>) -> Self {
@@ -45,6 +48,27 @@ impl Demonstrations {
         let mut turned = self.clone();
         turned.rows.iter_mut().step_by(ROW).for_each(|q| *q += turn);
         turned
+    }
+
+    /// Those that end in one posture, apart from the others: one way of grasping each.
+    pub fn by_grasp(&self) -> Vec<Self> {
+        let mut apart: Vec<Self> = Vec::new();
+        for trajectory in 0..self.trajectories() {
+            let (first, end) = self.span(trajectory);
+            let rows = &self.rows[first * ROW..end * ROW];
+            let is_same = |other: &&mut Self| {
+                let last = other.state(other.rows() - 1).q;
+                (self.state(end - 1).q - last).amax() < ONE_POSTURE
+            };
+            match apart.iter_mut().find(is_same) {
+                Some(other) => {
+                    other.rows.extend(rows);
+                    other.offsets.push(other.rows.len() / ROW);
+                }
+                None => apart.push(Self::new(rows.to_vec(), vec![0, end - first])),
+            }
+        }
+        apart
     }
 
     /// Number of trajectories.
@@ -172,6 +196,21 @@ mod tests {
         }
         assert!(worst < 0.12, "it runs {worst} rad ahead or behind");
         assert!((state.q[0] - 1.0).abs() < 1e-3 && state.q[4].abs() < 1e-3, "ends at {}", state.q);
+    }
+
+    #[test]
+    fn demonstrations_of_one_object_pose_are_told_apart_by_where_they_end() {
+        let row = |q: f32| (0..ROW).map(move |i| if i < DOF { q } else { 0.0 });
+        // They end at 0.5, 0.9 and 0.5.
+        let rows = [0.1, 0.5, 0.3, 0.2, 0.9, 0.4, 0.5].into_iter().flat_map(row).collect();
+        let apart = Demonstrations::new(rows, vec![0, 2, 5, 7]).by_grasp();
+        let found: Vec<(Vec<usize>, f64)> =
+            apart.iter().map(|one| (one.offsets.clone(), one.state(one.rows() - 1).q[3])).collect();
+        assert_eq!(found.len(), 2);
+        assert!(found[0].0 == [0, 2, 4] && (found[0].1 - 0.5).abs() < 1e-6, "{found:?}");
+        assert!(found[1].0 == [0, 3] && (found[1].1 - 0.9).abs() < 1e-6, "{found:?}");
+        assert!((apart[0].state(2).q[0] - 0.4).abs() < 1e-6);
+        assert!(Demonstrations::new(vec![], vec![0]).by_grasp().is_empty());
     }
 
     #[test]

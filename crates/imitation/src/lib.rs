@@ -8,6 +8,7 @@ pub mod checkpoint;
 pub mod dagger;
 pub mod evaluation;
 pub mod expert;
+pub mod lesson;
 pub mod moments;
 pub mod nn;
 pub mod readout;

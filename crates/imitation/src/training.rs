@@ -1,8 +1,9 @@
 //! From dataset to model: encoder, lessons, policy, and the files that are shipped.
 
 use crate::autoencoder::{encode_all, to_front};
-use crate::dagger::{DaggerConfig, Lesson};
+use crate::dagger::DaggerConfig;
 use crate::expert::Demonstrations;
+use crate::lesson::{self, Lesson};
 use crate::nn::{Params, autoencoder as twin};
 use anyhow::{Context, Result};
 use dataset::Dataset;
@@ -14,6 +15,7 @@ use policy::weights::Tensors;
 use policy::{Encoding, Network, Observation, Whitening, network};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
 use robot::{DOF, JointState, JointVector, Tree, integrator};
 use safetensors::SafeTensors;
 use scene::config::CONTROL_PERIOD;
@@ -107,18 +109,23 @@ pub fn lessons(
                 continue;
             }
             let encodings = encoder.observe(observation, &record.clouds)?;
-            let demonstrations = Demonstrations::new(record.states, record.offsets);
+            let ways = Demonstrations::new(record.states, record.offsets).by_grasp();
             let seen = encodings.chunks_exact(encodings.len() / record.turns.len().max(1));
             for (turn, encodings) in record.turns.iter().zip(seen) {
-                let demonstrations = demonstrations.turned(*turn);
-                let has_starts = *turn == 0.0;
-                let pose = object * dataset.config.poses + index;
-                let lesson =
-                    Lesson { pose, demonstrations, encodings: encodings.to_vec(), has_starts };
-                if is_held_out(index) { held_out.push(lesson) } else { taught.push(lesson) }
+                let lessons = if is_held_out(index) { &mut held_out } else { &mut taught };
+                lessons.extend(ways.iter().map(|way| Lesson {
+                    pose: object * dataset.config.poses + index,
+                    demonstrations: way.turned(*turn),
+                    encodings: encodings.to_vec(),
+                    has_starts: *turn == 0.0,
+                    near: Vec::new(),
+                }));
             }
         }
     }
+    let among = lesson::starts(&taught);
+    lesson::introduce(&mut taught, &among);
+    lesson::introduce(&mut held_out, &among);
     Ok((taught, held_out))
 }
 
@@ -198,33 +205,37 @@ fn merge(files: &[Vec<u8>]) -> Result<Vec<u8>> {
     Ok(safetensors::serialize(views, None)?)
 }
 
-/// Free roll-outs of the policy from the starts of lessons: distance (m) of the fingertips at the end
-/// from where the demonstration has them, the mean over the four tips, sorted.
-pub fn fingertip_errors<'a>(
-    tree: &Tree,
-    policy: &Network,
-    lessons: impl Iterator<Item = &'a Lesson>,
-) -> Vec<f64> {
-    let mut errors = Vec::new();
-    for lesson in lessons {
-        for trajectory in 0..lesson.demonstrations.trajectories().min(2) {
-            let (first, end) = lesson.demonstrations.span(trajectory);
-            let mut state = JointState::at_rest(lesson.demonstrations.state(first).q);
-            let object = &lesson.encodings[lesson.encodings.len() - 1];
-            for _ in 0..120 {
-                let lost = || JointVector::repeat(f64::NAN);
-                let qdd = object.acceleration(policy, &state).unwrap_or_else(lost);
-                state = integrator::step(&state, &qdd, CONTROL_PERIOD);
-            }
-            let wanted = lesson.demonstrations.state(end - 1).q;
-            let (got, wanted) = (tree.kinematics(&state.q).tips(), tree.kinematics(&wanted).tips());
-            let mean = got.iter().zip(&wanted).map(|(a, b)| (a - b).norm()).sum::<f64>() / 4.0;
-            errors.push(if mean.is_finite() { mean } else { f64::INFINITY });
+/// Free roll-outs of the policy from where attempts with the objects of lessons may begin: distance (m) of the
+/// fingertips at the end from where the demonstrations have them, the mean over the four tips, sorted.
+pub fn fingertip_errors(tree: &Tree, policy: &Network, lessons: &[&Lesson]) -> Vec<f64> {
+    let error = |lesson: &Lesson, start: &JointVector| {
+        let object = &lesson.encodings[lesson.encodings.len() - 1];
+        let mut state = JointState::at_rest(object.at_bearing(start));
+        for _ in 0..FREE_STEPS {
+            let lost = || JointVector::repeat(f64::NAN);
+            let qdd = object.acceleration(policy, &state).unwrap_or_else(lost);
+            state = integrator::step(&state, &qdd, CONTROL_PERIOD);
         }
-    }
+        let end = lesson.demonstrations.state(lesson.demonstrations.rows() - 1).q;
+        let apart = tips_apart(tree, &state.q, &end);
+        if apart.is_finite() { apart } else { f64::INFINITY }
+    };
+    let of_lesson = |lesson: &&Lesson| {
+        lesson.near.iter().take(2).map(|start| error(lesson, start)).collect::<Vec<_>>()
+    };
+    let mut errors: Vec<f64> = lessons.par_iter().flat_map_iter(of_lesson).collect();
     errors.sort_by(f64::total_cmp);
     errors
 }
+
+/// Distance (m) between the fingertips of two postures, the mean over the four tips.
+fn tips_apart(tree: &Tree, a: &JointVector, b: &JointVector) -> f64 {
+    let (a, b) = (tree.kinematics(a).tips(), tree.kinematics(b).tips());
+    a.iter().zip(&b).map(|(a, b)| (a - b).norm()).sum::<f64>() / 4.0
+}
+
+/// Control periods of a free roll-out: as long as the policy may act in an attempt.
+const FREE_STEPS: usize = 120;
 
 #[cfg(test)]
 mod tests {
@@ -245,6 +256,7 @@ mod tests {
             demonstrations: Demonstrations::new(rows, vec![0, 2]),
             encodings: vec![Encoding { bearing: 0.3, z: z.clone() }],
             has_starts: true,
+            near: Vec::new(),
         };
         let first = lesson.demonstrations.state(0).q;
         let mean = JointVector::from(mean_configuration(std::slice::from_ref(&lesson)));
