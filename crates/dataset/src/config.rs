@@ -42,7 +42,7 @@ pub struct DatasetConfig {
 pub const PRESETS: [(&str, &str); 6] = [
     ("smoke", "less than a minute: the whole way at toy size"),
     ("small", "minutes: two objects, 24 poses each, 32 demonstrations of each"),
-    ("shipped", "what models/default learned from: 800 poses each, 2 demonstrations of each"),
+    ("shipped", "800 poses each, 2 demonstrations of each; an earlier version made models/default"),
     (
         "variants",
         "as shipped, with the same objects in 8 proportions each, 100 poses of each of them",

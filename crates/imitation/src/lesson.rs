@@ -78,10 +78,9 @@ pub fn introduce(lessons: &mut [Lesson], among: &[Starts]) {
         let is_one_of_them = |start: &&JointVector| own.iter().any(|q| (q - *start).norm() < ALIKE);
         let others = among.iter().filter(|other| other.pose != lesson.pose);
         let mut others: Vec<_> = others
-            .map(|other| (distance(other), other.q.iter().filter(is_one_of_them)))
-            .filter_map(|(distance, alike)| {
-                let alike: Vec<JointVector> = alike.copied().collect();
-                (!alike.is_empty()).then_some((distance, alike))
+            .filter_map(|other| {
+                let alike: Vec<_> = other.q.iter().filter(is_one_of_them).copied().collect();
+                (!alike.is_empty()).then(|| (distance(other), alike))
             })
             .collect();
         others.sort_by(|a, b| a.0.total_cmp(&b.0));

@@ -206,7 +206,8 @@ fn merge(files: &[Vec<u8>]) -> Result<Vec<u8>> {
 }
 
 /// Free roll-outs of the policy from where attempts with the objects of lessons may begin: distance (m) of the
-/// fingertips at the end from where the demonstrations have them, the mean over the four tips, sorted.
+/// fingertips at the end from where the demonstrations have them, the mean over the four tips, sorted. Lessons that no
+/// pose nearby is grasped alike with are left out.
 pub fn fingertip_errors(tree: &Tree, policy: &Network, lessons: &[&Lesson]) -> Vec<f64> {
     let error = |lesson: &Lesson, start: &JointVector| {
         let object = &lesson.encodings[lesson.encodings.len() - 1];

@@ -135,19 +135,20 @@ impl School<'_> {
             let every = lessons.len().div_ceil(SHOWN).max(1);
             let shown: Vec<&Lesson> = lessons.iter().step_by(every).collect();
             let errors = training::fingertip_errors(&self.tree, &network, &shown);
-            self.say(now.step, label, "fingertip_error_m", &errors)?;
+            self.say(now.step, label, &errors)?;
         }
         Ok(())
     }
 
-    /// Median and 9 of 10 of sorted errors (m).
-    fn say(&mut self, step: u64, poses: &str, name: &str, errors: &[f64]) -> Result<()> {
+    /// Median and 9 of 10 of the fingertips' sorted errors (m).
+    fn say(&mut self, step: u64, poses: &str, errors: &[f64]) -> Result<()> {
         let at = |share: usize| errors.get(errors.len() * share / 10);
         let (Some(median), Some(p90)) = (at(5), at(9)) else { return Ok(()) };
         let [mm, mm90] = [median, p90].map(|x| 1e3 * x);
-        println!("  {poses}: {name} {mm:.1} mm (median), {mm90:.1} mm (p90)");
+        println!("  {poses}: fingertips off by {mm:.1} mm (median), {mm90:.1} mm (p90)");
         self.log.write(&json!({
-            "step": step, "poses": poses, name: { "median": median, "p90": p90 },
+            "step": step, "poses": poses,
+            "fingertip_error_m": { "median": median, "p90": p90 },
         }))
     }
 }
