@@ -2,8 +2,9 @@
 
 use geometry::catalog::{CATALOG, LOOK_ALIKES};
 
-/// Counts the changes of what a configuration makes: 3, Parquet in LeRobot's layout; 4, surfaces of objects; 5, overlap.
-pub const VERSION: u32 = 5;
+/// Counts the changes of what a configuration makes: 3, Parquet in LeRobot's layout; 4, surfaces of objects; 5, overlap;
+/// 6, each object stands at poses of its own.
+pub const VERSION: u32 = 6;
 
 /// What a dataset holds; this and the program decide its bytes.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -15,7 +16,8 @@ pub struct DatasetConfig {
     pub seed: u64,
     /// Objects with demonstrations.
     pub objects: Vec<String>,
-    /// Poses of each of them on the table (the paper's grid G).
+    /// Poses of each of them on the table (the paper's grid G). Those of the next object go on where these end, so that
+    /// objects that are grasped alike are so at many poses.
     pub poses: usize,
     /// Demonstrations of each pose (the paper's M).
     pub trajectories: usize,

@@ -154,7 +154,8 @@ impl Dataset {
         stage.make(|i| {
             let (which, index) = place(i);
             let (name, set) = (&names[which], &sets[which]);
-            self.make_part(viewer, name, object(objects, name)?, set, index)?.encode()
+            let pose = spread_pose(viewer.robot, which * self.config.poses + index);
+            self.make_part(viewer, name, object(objects, name)?, set, (index, pose))?.encode()
         })
     }
 
@@ -164,10 +165,9 @@ impl Dataset {
         name: &str,
         object: &Object,
         set: &GraspSet,
-        index: usize,
+        (index, pose): (usize, [f32; 3]),
     ) -> Result<Part> {
         let robot = viewer.robot;
-        let pose = spread_pose(robot, index);
         let mut part = Part { pose, ..Part::default() };
         let mut rng = self.rng("look", name, index);
         let counts = [self.config.turns, self.config.clouds];
