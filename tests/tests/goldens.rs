@@ -5,15 +5,16 @@
 
 use candle_core::{Device, Tensor};
 use geometry::Vec3;
-use imitation::nn::{self, Params, autoencoder, chamfer::Chamfer, ngf};
+use imitation::nn::{self, Params, autoencoder, chamfer::Chamfer};
 use imitation::shards::Gradient;
 use policy::baseline::{self, Baseline, BaselineConfig};
 use policy::encoder::{
     CLOUD, DECODER_WIDTHS, Decoder, Encoder, GLOBAL_WIDTHS, LATENT, LOCAL_WIDTHS, READOUT_WIDTHS,
 };
+use policy::network::NetworkConfig;
 use policy::ngf::{NgfConfig, PARTS};
 use policy::weights::Tensors;
-use policy::{Ngf, Whitening};
+use policy::{Ngf, Observation, PolicyConfig, Whitening};
 use robot::{DOF, JointState, JointVector, Tree};
 use serde_json::Value;
 
@@ -124,8 +125,10 @@ fn the_policy_is_that_of_pytorch() {
 
     let bytes = params.export(&[]).unwrap();
     let runs = Ngf::load(&Tensors::parse(&bytes).unwrap(), &config, LATENT, &limits).unwrap();
-    let twin = ngf::Ngf::new(&config, LATENT, &limits).unwrap();
-    let made = twin.accelerations(&params, &states, &latents).unwrap();
+    let network = NetworkConfig::Ngf(config);
+    let twin = PolicyConfig { observation: Observation::Cloud, network };
+    let twin = nn::network::Network::new(&twin, &limits).unwrap();
+    let made = twin.respond(&params, &states, &latents).unwrap().accelerations;
     let rows = made.to_vec2::<f32>().unwrap();
     for (i, (state, z)) in states.iter().zip(&latents).enumerate() {
         let wanted = numbers(&golden["qdd"][i]);

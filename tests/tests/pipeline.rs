@@ -7,6 +7,7 @@ use grasps::Robot;
 use imitation::autoencoder::{self, AutoencoderConfig};
 use imitation::dagger::{self, DaggerConfig};
 use imitation::training::{self, TrainedEncoder};
+use imitation::watcher::Progress;
 use policy::{Observation, PolicyConfig};
 use rollout::{Attempt, Controller, Workcell};
 use std::path::Path;
@@ -28,7 +29,7 @@ fn a_tiny_model_is_made_and_acts() {
     assert!(other.err().unwrap().to_string().contains("another configuration"));
 
     let steps = AutoencoderConfig { steps: 4, batch: 4, ..AutoencoderConfig::standard() };
-    autoencoder::train(&dataset, &steps, &out, &mut |_, _, _| ()).unwrap();
+    autoencoder::train(&dataset, &steps, &out, &mut |_: &Progress| Ok(true)).unwrap();
     let encoder = TrainedEncoder::load(&out).unwrap();
     let (taught, _) = training::lessons(&dataset, &encoder, Observation::Cloud, 3).unwrap();
     assert_eq!(taught.len(), 3 * dataset.config.turns, "each pose at each bearing");
@@ -36,7 +37,7 @@ fn a_tiny_model_is_made_and_acts() {
         DaggerConfig { steps: 50, batch: 8, ..DaggerConfig::standard(PolicyConfig::tiny()) };
     let mut losses = Vec::new();
     let limits = &robot.tree.limits;
-    let params = dagger::train(&taught, limits, &steps, None, &out, &mut |now| {
+    let params = dagger::train(&taught, limits, &steps, None, &out, &mut |now: &Progress| {
         losses.push(now.loss);
         Ok(true)
     })
@@ -48,7 +49,7 @@ fn a_tiny_model_is_made_and_acts() {
     let stopped = folder.path().join("stopped");
     let longer = DaggerConfig { steps: 100, span: 20, ..steps.clone() };
     let train = |stop: bool, out: &Path| {
-        let mut progress = |_: &dagger::Progress| Ok(!stop);
+        let mut progress = |_: &Progress| Ok(!stop);
         dagger::train(&taught, limits, &longer, None, out, &mut progress).unwrap().values().unwrap()
     };
     train(true, &stopped);
@@ -59,8 +60,14 @@ fn a_tiny_model_is_made_and_acts() {
     let weights = std::fs::read(out.join("weights.safetensors")).unwrap();
     let no_steps = DaggerConfig { steps: 0, ..steps };
     let elsewhere = folder.path().join("again");
-    let again =
-        dagger::train(&taught, limits, &no_steps, Some(&weights), &elsewhere, &mut |_| Ok(true));
+    let again = dagger::train(
+        &taught,
+        limits,
+        &no_steps,
+        Some(&weights),
+        &elsewhere,
+        &mut |_: &Progress| Ok(true),
+    );
     let pairs = params.values().unwrap().into_iter().zip(again.unwrap().values().unwrap());
     assert!(pairs.into_iter().all(|(a, b)| (a - b).abs() <= 1e-3 * a.abs() + 1e-6));
 

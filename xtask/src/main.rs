@@ -1,4 +1,4 @@
-//! The project's own commands: `cargo xtask demo | check | test | bench`.
+//! The project's own commands: `cargo xtask demo | check | test | prove | bench`.
 //!
 //! Installs what is missing, builds in the right order, skips what has not changed.
 
@@ -34,6 +34,8 @@ enum Command {
     Check,
     /// Everything that CI runs, in the browser too; ends with a count.
     Test,
+    /// What takes longer: the attempts of a hundred seeds in the browser, bit for bit as natively.
+    Prove,
     /// Measure.
     Bench {
         /// Also write the rows to this file.
@@ -50,6 +52,7 @@ fn main() -> ExitCode {
         Command::Demo(options) => demo::run(&place, &options).map(|()| true),
         Command::Check => stages::check(&place),
         Command::Test => stages::test(&place),
+        Command::Prove => stages::prove(&place),
         Command::Bench { json, peers } => bench::run(&place, json.as_deref(), peers).map(|()| true),
     });
     match done {

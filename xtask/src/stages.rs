@@ -15,6 +15,9 @@ const NOT_NATIVE: [&str; 4] = ["--exclude", "wasm", "--exclude", "wasm-test-runn
 /// Seconds for a test in the browser; the runner's own limit of 20 is for unit tests.
 const WASM_TEST_SECONDS: &str = "300";
 
+/// The same for a proof.
+const PROOF_SECONDS: &str = "3600";
+
 /// What ran so far.
 struct Stages {
     tally: Tally,
@@ -37,7 +40,10 @@ pub(crate) fn test(place: &Place) -> Result<bool> {
     let mut stages = Stages::new();
     quick(place, &mut stages);
     stages.stage("python", |stages| stages.count(&mut python_tests(place)?));
-    stages.stage("wasm", |stages| stages.count(&mut wasm_tests(place)?));
+    stages.stage("wasm", |stages| {
+        let mut tests = wasm_tests(place)?;
+        stages.count(tests.args(["--lib", "--tests"]))
+    });
     stages.stage("browser", |stages| {
         demo::build(place)?;
         stages.count(&mut browser_tests(place)?)
@@ -45,6 +51,19 @@ pub(crate) fn test(place: &Place) -> Result<bool> {
     stages.stage("docs", |_| {
         let args = ["doc", "-q", "--workspace", "--no-deps", "--exclude", "wasm-test-runner"];
         run(place.cargo(&args).env("RUSTDOCFLAGS", "-D warnings"))
+    });
+    Ok(stages.report())
+}
+
+/// What takes too long for every change.
+pub(crate) fn prove(place: &Place) -> Result<bool> {
+    chromium::find(place)?;
+    let mut stages = Stages::new();
+    stages.stage("attempts in the browser", |stages| {
+        let mut tests = wasm_tests(place)?;
+        tests.args(["--test", "attempts", "--", "--nocapture"]);
+        tests.env("NGF_ATTEMPTS", "50").env("WASM_BINDGEN_TEST_TIMEOUT", PROOF_SECONDS);
+        stages.count(&mut tests)
     });
     Ok(stages.report())
 }
@@ -87,15 +106,7 @@ fn wasm_tests(place: &Place) -> Result<Command> {
     tools::wasm_target(place)?;
     run(&mut place.cargo(&["build", "-q", "-p", "wasm-test-runner"]))?;
     let runner = place.program("wasm-test-runner");
-    let mut cargo = place.cargo(&[
-        "test",
-        "-p",
-        "wasm",
-        "--lib",
-        "--tests",
-        "--target",
-        "wasm32-unknown-unknown",
-    ]);
+    let mut cargo = place.cargo(&["test", "-p", "wasm", "--target", "wasm32-unknown-unknown"]);
     cargo
         .arg("--no-fail-fast")
         .env("CARGO_TARGET_WASM32_UNKNOWN_UNKNOWN_RUNNER", runner)

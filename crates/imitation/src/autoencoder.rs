@@ -6,6 +6,7 @@ use crate::nn::adam::{AdamW, schedule};
 use crate::nn::chamfer::Chamfer;
 use crate::nn::{Params, autoencoder as twin};
 use crate::shards::{Gradient, differentiate};
+use crate::watcher::{Progress, Reporter, Watcher};
 use anyhow::{Result, bail};
 use candle_core::{Device, Tensor};
 use dataset::Dataset;
@@ -32,6 +33,8 @@ pub struct AutoencoderConfig {
     pub latent_weight: f64,
     /// Weight of the moments of the whole surface, read linearly from z ([`crate::moments`]).
     pub moment_weight: f64,
+    /// Steps from checkpoint to checkpoint.
+    pub span: u64,
     /// Seed of weights and batches.
     pub seed: u64,
 }
@@ -74,6 +77,7 @@ impl AutoencoderConfig {
             rate: 1e-3,
             latent_weight: 1e-4,
             moment_weight: 0.05,
+            span: 500,
             seed: 0,
         }
     }
@@ -86,12 +90,12 @@ const LEAST_SPREAD: f64 = 0.05;
 const WHITENED: usize = 20_000;
 
 /// Trains on the dataset's clouds and writes `encoder.safetensors` to `out`; continues from a
-/// checkpoint that is there. `progress` gets step, steps, and the mean loss since the last call.
+/// checkpoint that is there. A watcher may stop it: then nothing but the checkpoint is written.
 pub fn train(
     dataset: &Dataset,
     config: &AutoencoderConfig,
     out: &Path,
-    progress: &mut dyn FnMut(u64, u64, f32),
+    watcher: &mut dyn Watcher,
 ) -> Result<()> {
     let examples = examples(dataset)?;
     if examples.is_empty() {
@@ -104,26 +108,28 @@ pub fn train(
     let mut adam = AdamW::new(params.count(), 1e-4);
     let checkpoint = out.join("encoder.checkpoint.safetensors");
     let settings = serde_json::json!({ "training": config, "data": dataset.config });
-    crate::checkpoint::load(&checkpoint, &params, &mut adam, &settings)?;
+    crate::checkpoint::load(&checkpoint, &params, &mut adam, &settings, &mut |text| {
+        watcher.warn(text);
+    })?;
 
-    let mut since = Vec::new();
+    let mut reporter = Reporter::default();
     while adam.steps < config.steps {
         let mut rng = ChaCha8Rng::seed_from_u64(config.seed ^ (adam.steps + 1) << 20);
         let batch: Vec<&Example> =
             (0..config.batch).map(|_| &examples[rng.random_range(0..examples.len())]).collect();
         let gradients = differentiate(&batch, config.shards, |part| loss(&params, part, config))?;
         let rate = schedule(adam.steps, 200, config.steps, config.rate);
-        let norm = adam.step(&params, &gradients, rate, 1.0)?;
+        let norm = adam.step(&params, &gradients, rate, 1.0, config.shards)?;
         if !norm.is_finite() {
             bail!("the loss is {} at step {}: lower the rate", gradients.loss(), adam.steps);
         }
-        since.push(gradients.loss());
-        if adam.steps.is_multiple_of(50) {
-            progress(adam.steps, config.steps, since.iter().sum::<f32>() / since.len() as f32);
-            since.clear();
-        }
-        if adam.steps.is_multiple_of(500) {
+        if adam.steps.is_multiple_of(config.span) {
             crate::checkpoint::save(&checkpoint, &params, &adam, &settings)?;
+        }
+        let (step, steps, loss) = (adam.steps, config.steps, gradients.loss());
+        let now = Progress { step, steps, loss, gradient: norm, params: &params };
+        if !reporter.note(watcher, now)? {
+            return Ok(());
         }
     }
     // Every object has its share.
@@ -141,6 +147,7 @@ pub fn loss(
     examples: &[&Example],
     config: &AutoencoderConfig,
 ) -> Result<Gradient> {
+    let params = &params.of_shard();
     let clouds: Vec<&[f32]> = examples.iter().map(|example| example.cloud.as_slice()).collect();
     let z = twin::encode(params, &clouds)?;
     let made = twin::decode(params, &z)?;

@@ -4,10 +4,11 @@ use crate::autoencoder::{self, AutoencoderConfig, Example};
 use crate::dagger::DaggerConfig;
 use crate::moments::MOMENTS;
 use crate::nn::adam::AdamW;
-use crate::nn::network::{self, Network};
+use crate::nn::network::{self, Network, Response};
 use crate::nn::ngf::Active;
 use crate::nn::{Params, autoencoder as twin};
-use crate::shards::{Gradient, differentiate};
+use crate::shards::differentiate;
+use crate::step::{self, Batch, Loss};
 use anyhow::{Context, Result};
 use candle_core::{Device, Tensor};
 use policy::PolicyConfig;
@@ -18,6 +19,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use robot::{DOF, JointState, JointVector, Tree};
 use std::collections::BTreeMap;
+use std::ops::Range;
 use std::time::Instant;
 
 /// Steps that are measured after as many that are not.
@@ -59,18 +61,21 @@ fn ngf(config: &DaggerConfig) -> Result<f64> {
     let states: Vec<JointState> =
         (0..config.batch).map(|_| JointState { q: vector(), qd: vector() }).collect();
     let z = vec![0.5f32; LATENT];
+    let objects = vec![z.as_slice(); states.len()];
+    let batch = Batch { states: &states, objects: &objects };
+    let loss = |_: Range<usize>, response: &Response| {
+        let off = (&response.accelerations - 1.0)?;
+        let shown = (off.sqr()?.sum(1)? + 1e-6)?.sqrt()?.mean_all()?;
+        let whole = match &response.metrics {
+            Some(metrics) => (&shown + metrics * config.metric_weight)?,
+            None => shown.clone(),
+        };
+        Ok(Loss { shown, whole })
+    };
     time(|| {
-        let gradients = differentiate(&states, config.shards, |part| {
-            let objects = vec![z.as_slice(); part.len()];
-            let response = network.respond(&params, part, &objects, Active::All)?;
-            let off = (response.accelerations - 1.0)?;
-            let mut loss = (off.sqr()?.sum(1)? + 1e-6)?.sqrt()?.mean_all()?;
-            if let Some(metrics) = response.metrics {
-                loss = (loss + metrics * config.metric_weight)?;
-            }
-            Gradient::of(&loss, &params)
-        })?;
-        adam.step(&params, &gradients, config.rate, 10.0)?;
+        let outcome =
+            step::differentiate(&network, &params, &batch, Active::All, config.shards, &loss)?;
+        adam.step(&params, &outcome.gradients, config.rate, 10.0, config.shards)?;
         Ok(())
     })
 }
@@ -134,7 +139,7 @@ fn encoder(config: &AutoencoderConfig) -> Result<f64> {
     time(|| {
         let gradients =
             differentiate(&batch, config.shards, |part| autoencoder::loss(&params, part, config))?;
-        adam.step(&params, &gradients, config.rate, 1.0)?;
+        adam.step(&params, &gradients, config.rate, 1.0, config.shards)?;
         Ok(())
     })
 }

@@ -7,9 +7,9 @@ use dataset::store;
 use safetensors::SafeTensors;
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-/// Writes parameters and optimiser, with the settings of the training.
+/// Writes parameters and optimiser, with the settings of the training. The checkpoint that was there is kept beside it.
 pub fn save(path: &Path, params: &Params, adam: &AdamW, settings: &Value) -> Result<()> {
     let values = params.values()?;
     let count = [values.len()];
@@ -19,21 +19,49 @@ pub fn save(path: &Path, params: &Params, adam: &AdamW, settings: &Value) -> Res
         ("first", count.to_vec(), adam.first.as_slice()),
         ("second", count.to_vec(), adam.second.as_slice()),
     ];
-    store::write(path, &store::encode(&tensors, Some(about))?)
+    let bytes = store::encode(&tensors, Some(about))?;
+    if path.exists() {
+        std::fs::rename(path, before(path))
+            .with_context(|| format!("cannot rename {}", path.display()))?;
+    }
+    store::write(path, &bytes)
 }
 
-/// Reads them back if the file is there; says whether it was. Other settings are refused: the rest of
-/// the training would be neither the old one nor the new one.
-pub fn load(path: &Path, params: &Params, adam: &mut AdamW, settings: &Value) -> Result<bool> {
-    if !path.exists() {
-        return Ok(false);
+/// Where the checkpoint before the last one is kept.
+fn before(path: &Path) -> PathBuf {
+    path.with_extension("before.safetensors")
+}
+
+/// Reads the last checkpoint, or the one before it if the last one is of no use, of which `warn` is told; nothing
+/// if there is none. Fails if none of those that are there is of use.
+pub fn load(
+    path: &Path,
+    params: &Params,
+    adam: &mut AdamW,
+    settings: &Value,
+    warn: &mut dyn FnMut(&str),
+) -> Result<()> {
+    let before = before(path);
+    if !path.exists() && !before.exists() {
+        return Ok(());
     }
+    let Err(why) = read(path, params, adam, settings) else { return Ok(()) };
+    if read(&before, params, adam, settings).is_err() {
+        return Err(why);
+    }
+    warn(&format!("{why:#}; going on from the one before it, of step {}", adam.steps));
+    Ok(())
+}
+
+/// Reads a checkpoint; leaves `params` and `adam` as they are if it is of no use. Other settings are refused: the rest
+/// of the training would be neither the old one nor the new one.
+fn read(path: &Path, params: &Params, adam: &mut AdamW, settings: &Value) -> Result<()> {
     let bytes = std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))?;
     let damaged = || format!("{} is damaged; delete it to begin anew", path.display());
     let tensors = SafeTensors::deserialize(&bytes).with_context(damaged)?;
-    let (_, header) = SafeTensors::read_metadata(&bytes)?;
+    let (_, header) = SafeTensors::read_metadata(&bytes).with_context(damaged)?;
     let about = header.metadata().as_ref().and_then(|m| m.get("about")).with_context(damaged)?;
-    let about: Value = serde_json::from_str(about)?;
+    let about: Value = serde_json::from_str(about).with_context(damaged)?;
     let differ = differing(&about["settings"], settings);
     if !differ.is_empty() {
         bail!(
@@ -42,18 +70,19 @@ pub fn load(path: &Path, params: &Params, adam: &mut AdamW, settings: &Value) ->
             differ.join(", ")
         );
     }
-    let values = store::values(&tensors, "values")?;
+    let steps = about["steps"].as_u64().with_context(damaged)?;
+    let [values, first, second] =
+        ["values", "first", "second"].map(|name| store::values(&tensors, name));
+    let (values, first, second) = (values?, first?, second?);
     if values.len() != params.count() {
         bail!("{} belongs to another network; choose another folder", path.display());
     }
-    params.set_values(&values)?;
-    let (first, second) = (store::values(&tensors, "first")?, store::values(&tensors, "second")?);
     if [first.len(), second.len()] != [values.len(); 2] {
         bail!(damaged());
     }
-    (adam.first, adam.second) = (first, second);
-    adam.steps = about["steps"].as_u64().with_context(damaged)?;
-    Ok(true)
+    params.set_values(&values)?;
+    (adam.first, adam.second, adam.steps) = (first, second, steps);
+    Ok(())
 }
 
 /// Names of the settings that differ.
@@ -69,32 +98,75 @@ fn differing(found: &Value, wanted: &Value) -> Vec<String> {
 mod tests {
     use super::*;
 
-    #[test]
-    fn a_checkpoint_restores_parameters_and_optimiser() {
-        let path = std::env::temp_dir().join(format!("ngf-checkpoint-{}", std::process::id()));
+    /// A folder of its own, with parameters, optimiser and settings of a training.
+    fn training(name: &str) -> (PathBuf, Params, AdamW, Value) {
+        let folder = format!("ngf-checkpoint-{name}-{}", std::process::id());
+        let folder = std::env::temp_dir().join(folder);
         let mut params = Params::default();
         params.add("w", &[2], vec![1.0, -2.0]).unwrap();
         let mut adam = AdamW::new(2, 0.0);
         (adam.first, adam.second, adam.steps) = (vec![0.5, 0.1], vec![0.25, 0.01], 1);
-        let values = params.values().unwrap();
-        let settings = json!({ "rate": 0.1, "steps": 5 });
-        save(&path, &params, &adam, &settings).unwrap();
+        (folder.join("c.safetensors"), params, adam, json!({ "rate": 0.1, "steps": 5 }))
+    }
 
+    /// Loads into a fresh training; gives step, parameters and warnings.
+    fn loaded(path: &Path, settings: &Value) -> Result<(u64, Vec<f32>, Vec<String>)> {
+        let mut params = Params::default();
+        params.add("w", &[2], vec![0.0, 0.0])?;
+        let mut adam = AdamW::new(2, 0.0);
+        let mut warnings = Vec::new();
+        let before = params.values()?;
+        let outcome =
+            load(path, &params, &mut adam, settings, &mut |text| warnings.push(text.to_owned()));
+        if outcome.is_err() {
+            assert_eq!((params.values()?, adam.steps), (before, 0), "half of it was read");
+        }
+        outcome.map(|()| (adam.steps, params.values().unwrap(), warnings))
+    }
+
+    #[test]
+    fn a_checkpoint_restores_parameters_and_optimiser() {
+        let (path, params, adam, settings) = training("restores");
+        assert_eq!(loaded(&path, &settings).unwrap(), (0, vec![0.0, 0.0], vec![]));
+        save(&path, &params, &adam, &settings).unwrap();
+        let values = params.values().unwrap();
         let mut again = AdamW::new(2, 0.0);
         params.set_values(&[0.0, 0.0]).unwrap();
-        let other = json!({ "rate": 0.2, "steps": 5 });
-        let refusal = load(&path, &params, &mut again, &other).unwrap_err().to_string();
-        assert!(refusal.contains("other settings (rate)"), "{refusal}");
-        assert!(load(&path, &params, &mut again, &settings).unwrap());
+        load(&path, &params, &mut again, &settings, &mut |text| panic!("{text}")).unwrap();
         assert_eq!(params.values().unwrap(), values);
         assert_eq!((again.first, again.second, again.steps), (adam.first, adam.second, 1));
-        std::fs::write(&path, b"nonsense").unwrap();
-        assert!(
-            load(&path, &params, &mut AdamW::new(2, 0.0), &settings)
-                .unwrap_err()
-                .to_string()
-                .contains("damaged")
-        );
+        std::fs::remove_dir_all(path.parent().unwrap()).unwrap();
+    }
+
+    #[test]
+    fn what_is_of_no_use_is_refused_and_the_one_before_it_is_used() {
+        let (path, params, mut adam, settings) = training("refused");
+        let foreign = json!({ "rate": 0.2, "steps": 5 });
+        save(&path, &params, &adam, &settings).unwrap();
+        // There is none before it.
+        let refusal = loaded(&path, &foreign).unwrap_err().to_string();
+        assert!(refusal.contains("other settings (rate)"), "{refusal}");
+        adam.steps = 2;
+        save(&path, &params, &adam, &settings).unwrap();
+        let whole = std::fs::read(&path).unwrap();
+        let damaged = [&whole[..whole.len() / 2], &whole[..5], b"nonsense", b""];
+        for bytes in damaged {
+            std::fs::write(&path, bytes).unwrap();
+            let (step, values, warnings) = loaded(&path, &settings).unwrap();
+            assert_eq!((step, values), (1, vec![1.0, -2.0]));
+            assert!(warnings.len() == 1 && warnings[0].contains("damaged"), "{warnings:?}");
+        }
+        save(&path, &params, &adam, &foreign).unwrap();
+        std::fs::write(before(&path), &whole).unwrap();
+        let (step, _, warnings) = loaded(&path, &settings).unwrap();
+        assert!(step == 2 && warnings[0].contains("other settings (rate)"), "{warnings:?}");
+        // A run that was killed between keeping the old one and writing the new one.
         std::fs::remove_file(&path).unwrap();
+        assert_eq!(loaded(&path, &settings).unwrap().0, 2);
+        std::fs::write(before(&path), b"nonsense").unwrap();
+        std::fs::write(&path, b"nonsense").unwrap();
+        let refusal = loaded(&path, &settings).unwrap_err().to_string();
+        assert!(refusal.contains("damaged"), "{refusal}");
+        std::fs::remove_dir_all(path.parent().unwrap()).unwrap();
     }
 }

@@ -5,16 +5,18 @@ use crate::expert::{self, Gains};
 use crate::lesson::Lesson;
 use crate::nn::Params;
 use crate::nn::adam::{AdamW, schedule};
-use crate::nn::network::{self, Network};
+use crate::nn::network::{self, Network, Response};
 use crate::nn::ngf::Active;
-use crate::shards::{Gradient, differentiate};
+use crate::step::{self, Batch, Loss, Outcome};
+use crate::watcher::{Progress, Reporter, Watcher};
 use anyhow::{Result, bail};
 use candle_core::{Device, Tensor};
-use policy::{Encoding, PolicyConfig};
+use policy::PolicyConfig;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use robot::{ARM, DOF, JointState, JointVector, Limits, integrator};
 use scene::config::CONTROL_PERIOD;
+use std::ops::Range;
 use std::path::Path;
 
 /// How the policy is trained; the paper gives the scheme, the figures are ours.
@@ -27,11 +29,12 @@ pub struct DaggerConfig {
     pub potential_share: f64,
     /// States a step, over all shards.
     pub batch: usize,
-    /// Shards, one thread each.
+    /// Threads.
     pub shards: usize,
     /// Peak learning rate.
     pub rate: f32,
-    /// Steps that a state is rolled out by the policy before it is drawn anew (H).
+    /// Steps that a state is rolled out by the policy before it is drawn anew (H). One: behaviour cloning of noisy
+    /// states.
     pub horizon: usize,
     /// Shares of the steps at which roll-outs begin to grow, from one step, and have their full length:
     /// those of a policy that knows nothing lead where nothing can be learned.
@@ -91,15 +94,17 @@ impl DaggerConfig {
 const STRAYED: f64 = 0.6;
 
 impl DaggerConfig {
+    /// Steps of a roll-out that begins where an attempt does: a third more.
+    fn start_horizon(&self) -> usize {
+        self.horizon + self.horizon / 3
+    }
+
     /// The share of their full length that roll-outs have after `step` steps.
     fn grown(&self, step: u64) -> f64 {
         let [begin, end] = self.growth.map(|share| share * self.steps as f64);
         ((step as f64 - begin) / (end - begin).max(1.0)).clamp(0.0, 1.0)
     }
 }
-
-/// Steps of a roll-out that begins where an attempt does.
-const START_HORIZON: usize = 120;
 
 /// A state under way.
 #[derive(Clone, Copy)]
@@ -110,29 +115,15 @@ struct Visit {
     left: usize,
 }
 
-/// How far a training is.
-pub struct Progress<'a> {
-    /// Optimiser steps done, and those to do.
-    pub step: u64,
-    /// See `step`.
-    pub steps: u64,
-    /// Mean loss (rad/s²) since the last call.
-    pub loss: f32,
-    /// Norm of the last gradient.
-    pub gradient: f32,
-    /// The parameters now.
-    pub params: &'a Params,
-}
-
 /// Trains a policy, a fresh one or that of the weights `begin`; continues from a checkpoint in
-/// `out`. `progress` may stop the training by `false`: what came after the last checkpoint is then done again.
+/// `out`.
 pub fn train(
     lessons: &[Lesson],
     limits: &Limits,
     config: &DaggerConfig,
     begin: Option<&[u8]>,
     out: &Path,
-    progress: &mut dyn FnMut(&Progress) -> Result<bool>,
+    watcher: &mut dyn Watcher,
 ) -> Result<Params> {
     if !lessons.iter().any(Lesson::is_full) {
         bail!("there are no demonstrations to learn from");
@@ -148,47 +139,37 @@ pub fn train(
     let mut adam = AdamW::new(params.count(), 1e-4);
     let checkpoint = out.join("policy.checkpoint.safetensors");
     let settings = serde_json::to_value(config)?;
-    crate::checkpoint::load(&checkpoint, &params, &mut adam, &settings)?;
+    crate::checkpoint::load(&checkpoint, &params, &mut adam, &settings, &mut |text| {
+        watcher.warn(text);
+    })?;
 
     let mut visits = Vec::new();
-    let mut since = Vec::new();
+    let mut reporter = Reporter::default();
     while adam.steps < config.steps {
         if visits.is_empty() || adam.steps.is_multiple_of(config.span) {
             crate::checkpoint::save(&checkpoint, &params, &adam, &settings)?;
             rng = ChaCha8Rng::seed_from_u64(config.seed ^ (adam.steps + 1) << 20);
             visits = class.batch(config, adam.steps, &mut rng);
         }
-        let batch: Vec<(Visit, std::sync::Mutex<JointVector>)> = visits
-            .iter()
-            .map(|visit| (*visit, std::sync::Mutex::new(JointVector::zeros())))
-            .collect();
         let is_early = (adam.steps as f64) < config.potential_share * config.steps as f64;
         let active = if is_early { Active::Potential } else { Active::All };
-        let gradients = differentiate(&batch, config.shards, |part| {
-            loss(&network, &params, lessons, config, active, part)
-        })?;
+        let outcome = examine(&network, &params, lessons, config, active, &visits)?;
         let rate = schedule(adam.steps, 500, config.steps, config.rate);
-        let norm = adam.step(&params, &gradients, rate, 10.0)?;
+        let norm = adam.step(&params, &outcome.gradients, rate, 10.0, config.shards)?;
         if !norm.is_finite() {
-            bail!("the loss is {} at step {}: lower the rate", gradients.loss(), adam.steps);
+            bail!("the loss is {} at step {}: lower the rate", outcome.loss, adam.steps);
         }
-        for (visit, (_, qdd)) in visits.iter_mut().zip(&batch) {
-            let qdd = qdd.lock().map(|qdd| *qdd).unwrap_or_default();
-            visit.state = integrator::step(&visit.state, &qdd, CONTROL_PERIOD);
+        for (visit, qdd) in visits.iter_mut().zip(&outcome.accelerations) {
+            visit.state = integrator::step(&visit.state, qdd, CONTROL_PERIOD);
             visit.left -= 1;
             if visit.left == 0 || !is_near(visit, lessons) {
                 *visit = class.draw(config, config.grown(adam.steps), &mut rng);
             }
         }
-        since.push(gradients.loss());
-        if adam.steps.is_multiple_of(50) {
-            let mean = since.iter().sum::<f32>() / since.len() as f32;
-            since.clear();
-            let (step, steps) = (adam.steps, config.steps);
-            let now = Progress { step, steps, loss: mean, gradient: norm, params: &params };
-            if !progress(&now)? {
-                return Ok(params);
-            }
+        let (step, steps, loss) = (adam.steps, config.steps, outcome.loss);
+        let now = Progress { step, steps, loss, gradient: norm, params: &params };
+        if !reporter.note(watcher, now)? {
+            return Ok(params);
         }
     }
     crate::checkpoint::save(&checkpoint, &params, &adam, &settings)?;
@@ -224,7 +205,7 @@ impl<'a> Class<'a> {
         if rng.random::<f64>() < grown * config.start_share {
             let start = self.lessons[lesson].draw_start(rng);
             let q = self.lessons[lesson].encodings[encoding].at_bearing(&start);
-            let (state, left) = (JointState::at_rest(q), length(START_HORIZON));
+            let (state, left) = (JointState::at_rest(q), length(config.start_horizon()));
             let visit = Visit { lesson, encoding, state, left };
             if is_near(&visit, self.lessons) {
                 return visit;
@@ -249,53 +230,45 @@ fn is_near(visit: &Visit, lessons: &[Lesson]) -> bool {
     distance.is_finite() && distance < STRAYED
 }
 
-/// Eq. 2: the mean weighted norm of the difference to the expert, and its gradient; leaves the policy's
-/// accelerations with the visits.
-fn loss(
+/// Eq. 2: the mean weighted norm of the difference to the expert in the states of a batch, with its gradient.
+fn examine(
     network: &Network,
     params: &Params,
     lessons: &[Lesson],
     config: &DaggerConfig,
     active: Active,
-    part: &[(Visit, std::sync::Mutex<JointVector>)],
-) -> Result<Gradient> {
-    let objects: Vec<&Encoding> =
-        part.iter().map(|(visit, _)| &lessons[visit.lesson].encodings[visit.encoding]).collect();
-    let z: Vec<&[f32]> = objects.iter().map(|object| object.z.as_slice()).collect();
-    let in_front =
-        |((visit, _), object): (&(Visit, _), &&Encoding)| object.state_in_front(&visit.state);
-    let states: Vec<JointState> = part.iter().zip(&objects).map(in_front).collect();
-    let response = network.respond(params, &states, &z, active)?;
-    let made = response.accelerations;
-    let rows = config.gains.lag_rows(CONTROL_PERIOD).max(1);
-    let wanted: Vec<f32> = part
-        .iter()
-        .flat_map(|(visit, _)| {
-            let target =
-                lessons[visit.lesson].demonstrations.target(&visit.state, rows, config.lead);
-            let qdd = expert::acceleration(&config.gains, &target, &visit.state);
-            qdd.iter().map(|x| *x as f32).collect::<Vec<_>>()
-        })
-        .collect();
-    let wanted = Tensor::from_vec(wanted, (part.len(), DOF), &Device::Cpu)?;
-    // The small addend keeps the norm's gradient finite where policy and expert agree.
+    visits: &[Visit],
+) -> Result<Outcome> {
+    let told = |visit: &Visit| &lessons[visit.lesson].encodings[visit.encoding];
+    let states: Vec<JointState> =
+        visits.iter().map(|visit| told(visit).state_in_front(&visit.state)).collect();
+    let objects: Vec<&[f32]> = visits.iter().map(|visit| told(visit).z.as_slice()).collect();
+    let batch = Batch { states: &states, objects: &objects };
     let weights: Vec<f32> =
         (0..DOF).map(|i| if i < ARM { config.arm_weight } else { 1.0 }).collect();
     let weights = Tensor::from_vec(weights, (1, DOF), &Device::Cpu)?;
-    let off = (&made - wanted)?.broadcast_mul(&weights)?;
-    let norms = (off.sqr()?.sum(1)? + 1e-6)?.sqrt()?;
-    let loss = norms.mean_all()?;
-    let total = match response.metrics {
-        Some(metrics) => (&loss + metrics * config.metric_weight)?,
-        None => loss.clone(),
+    let lag = config.gains.lag_rows(CONTROL_PERIOD).max(1);
+    let loss = |rows: Range<usize>, response: &Response| {
+        let wanted: Vec<f32> = visits[rows.clone()]
+            .iter()
+            .flat_map(|visit| {
+                let demonstrations = &lessons[visit.lesson].demonstrations;
+                let target = demonstrations.target(&visit.state, lag, config.lead);
+                let qdd = expert::acceleration(&config.gains, &target, &visit.state);
+                qdd.iter().map(|x| *x as f32).collect::<Vec<_>>()
+            })
+            .collect();
+        let wanted = Tensor::from_vec(wanted, (rows.len(), DOF), &Device::Cpu)?;
+        let off = (&response.accelerations - wanted)?.broadcast_mul(&weights)?;
+        // The small addend keeps the norm's gradient finite where policy and expert agree.
+        let shown = (off.sqr()?.sum(1)? + 1e-6)?.sqrt()?.mean_all()?;
+        let whole = match &response.metrics {
+            Some(metrics) => (&shown + metrics * config.metric_weight)?,
+            None => shown.clone(),
+        };
+        Ok(Loss { shown, whole })
     };
-    for ((_, qdd), row) in part.iter().zip(made.to_vec2::<f32>()?) {
-        if let Ok(mut qdd) = qdd.lock() {
-            *qdd = JointVector::from_fn(|i, _| row[i] as f64);
-        }
-    }
-    let gradient = Gradient::of(&total, params)?;
-    Ok(Gradient { loss: loss.to_scalar::<f32>()?, ..gradient })
+    step::differentiate(network, params, &batch, active, config.shards, &loss)
 }
 
 #[cfg(test)]
@@ -303,6 +276,7 @@ mod tests {
     use super::*;
     use crate::expert::Demonstrations;
     use crate::lesson::{introduce, starts};
+    use policy::Encoding;
 
     fn tiny() -> DaggerConfig {
         DaggerConfig::standard(PolicyConfig::tiny())
@@ -363,8 +337,7 @@ mod tests {
             let mut state = lessons[0].demonstrations.state(1);
             state.q[3] += 0.05;
             let visit = Visit { lesson: 0, encoding: 1, state, left: 1 };
-            let part = [(visit, std::sync::Mutex::new(JointVector::zeros()))];
-            loss(&network, &params, &lessons, &config, Active::All, &part).unwrap().loss
+            examine(&network, &params, &lessons, &config, Active::All, &[visit]).unwrap().loss
         };
         let (front, turned) = (loss_at(0.0), loss_at(0.7));
         assert!(front > 1.0 && (front - turned).abs() < 1e-3 * front, "{front}, {turned}");

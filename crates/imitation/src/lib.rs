@@ -14,5 +14,7 @@ pub mod nn;
 pub mod readout;
 pub mod reconstruction;
 pub mod shards;
+pub mod step;
 pub mod suite;
 pub mod training;
+pub mod watcher;

@@ -1,4 +1,4 @@
-//! One batch over several threads: each shard differentiates its part.
+//! Work over several threads, with results that do not depend on their timing.
 
 use crate::nn::Params;
 use anyhow::{Result, anyhow};
@@ -33,31 +33,66 @@ impl Gradients {
     }
 }
 
-/// Splits `batch` into `shards` parts, one thread each; the result does not depend on their timing.
+/// Applies `f` to all `items`, the costliest ones first, each on the thread with the least to do; gives the results in
+/// the order of the items.
+pub fn over_threads<T: Sync, R: Send>(
+    items: &[T],
+    threads: usize,
+    cost: impl Fn(&T) -> usize,
+    f: impl Fn(&T) -> Result<R> + Sync,
+) -> Result<Vec<R>> {
+    let mut order: Vec<usize> = (0..items.len()).collect();
+    order.sort_by_key(|&i| std::cmp::Reverse(cost(&items[i])));
+    let mut queues = vec![(0, Vec::new()); threads.max(1)];
+    for i in order {
+        if let Some((load, queue)) = queues.iter_mut().min_by_key(|(load, _)| *load) {
+            *load += cost(&items[i]);
+            queue.push(i);
+        }
+    }
+    let mut results: Vec<(usize, R)> = std::thread::scope(|scope| {
+        let f = &f;
+        let work = |queue: Vec<usize>| {
+            queue.into_iter().map(|i| Ok((i, f(&items[i])?))).collect::<Result<Vec<_>>>()
+        };
+        let running: Vec<_> =
+            queues.into_iter().map(|(_, queue)| scope.spawn(move || work(queue))).collect();
+        let mut results = Vec::new();
+        for thread in running {
+            results.extend(thread.join().map_err(|_| anyhow!("a training thread panicked"))??);
+        }
+        anyhow::Ok(results)
+    })?;
+    results.sort_by_key(|(i, _)| *i);
+    Ok(results.into_iter().map(|(_, result)| result).collect())
+}
+
+/// Splits `batch` into `shards` parts, one thread each.
 pub fn differentiate<T: Sync>(
     batch: &[T],
     shards: usize,
     gradient: impl Fn(&[T]) -> Result<Gradient> + Sync,
 ) -> Result<Gradients> {
     let size = batch.len().div_ceil(shards.max(1)).max(1);
-    let parts: Vec<Result<(f32, Gradient)>> = std::thread::scope(|scope| {
-        let share = |part: &[T]| part.len() as f32 / batch.len() as f32;
-        let gradient = &gradient;
-        let threads: Vec<_> = batch
-            .chunks(size)
-            .map(|part| scope.spawn(move || Ok((share(part), gradient(part)?))))
-            .collect();
-        let joined = |thread: std::thread::ScopedJoinHandle<_>| {
-            thread.join().unwrap_or_else(|_| Err(anyhow!("a training thread panicked")))
-        };
-        threads.into_iter().map(joined).collect()
-    });
-    Ok(Gradients { shards: parts.into_iter().collect::<Result<_>>()? })
+    let parts: Vec<&[T]> = batch.chunks(size).collect();
+    let share = |part: &[T]| part.len() as f32 / batch.len() as f32;
+    let of_part = |part: &&[T]| Ok((share(part), gradient(part)?));
+    Ok(Gradients { shards: over_threads(&parts, shards, |part| part.len(), of_part)? })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn results_come_in_the_order_of_the_items_and_errors_come_through() {
+        let items = [3, 1, 4, 1, 5, 9, 2, 6];
+        let found = over_threads(&items, 3, |cost| *cost, |item| Ok(10 * item)).unwrap();
+        assert_eq!(found, items.map(|item| 10 * item));
+        let refuse = |item: &usize| if *item == 9 { Err(anyhow!("no nine")) } else { Ok(()) };
+        let error = over_threads(&items, 2, |cost| *cost, refuse).unwrap_err();
+        assert_eq!(error.to_string(), "no nine");
+    }
 
     #[test]
     fn shards_of_unequal_size_give_the_mean() {

@@ -1,10 +1,12 @@
 //! The paper's experiment (§IV): every policy on every object, from the same seeds, and what follows from the counts.
 
 mod compare;
+mod courses;
 mod figure;
 mod table;
 
 pub use compare::{Paired, paired};
+pub use courses::{Course, courses};
 pub use figure::figure;
 pub use table::table;
 

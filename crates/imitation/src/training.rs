@@ -17,6 +17,7 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use robot::{DOF, JointState, JointVector, Tree, integrator};
+use rollout::Library;
 use safetensors::SafeTensors;
 use scene::config::CONTROL_PERIOD;
 use std::path::Path;
@@ -129,6 +130,26 @@ pub fn lessons(
     Ok((taught, held_out))
 }
 
+/// The demonstrations that models trained on a dataset have the starts of.
+pub fn library(dataset: &Dataset) -> Result<Library> {
+    let mut library = Library::default();
+    for object in 0..dataset.config.objects.len() {
+        for (index, record) in dataset.poses(object)?.into_iter().enumerate() {
+            let Some(cloud) = record.clouds.first().filter(|_| !is_held_out(index)) else {
+                continue;
+            };
+            let (bearing, _) = policy::encoding::to_front(&twin::points(cloud));
+            let seen = Encoding { bearing, z: Vec::new() };
+            let demonstrations = Demonstrations::new(record.states, record.offsets);
+            for trajectory in 0..demonstrations.trajectories() {
+                let (first, end) = demonstrations.span(trajectory);
+                library.add(&seen, (first..end).map(|row| demonstrations.state(row)));
+            }
+        }
+    }
+    Ok(library)
+}
+
 /// The mean configuration (rad) of all demonstrations, with the object in front.
 pub fn mean_configuration(lessons: &[Lesson]) -> [f64; DOF] {
     let mut sum = JointVector::zeros();
@@ -150,10 +171,24 @@ pub fn write_model(
     config: &DaggerConfig,
     lessons: &[Lesson],
 ) -> Result<()> {
-    let (weights, starts, config) = model_files(encoder, policy, config, lessons)?;
-    store::write(&out.join("weights.safetensors"), &weights)?;
-    store::write(&out.join("starts.safetensors"), &starts)?;
-    store::write(&out.join("config.json"), &config)
+    write_files(out, &model_files(encoder, policy, config, lessons)?)
+}
+
+/// Writes the files of a model to `out`.
+pub fn write_files(out: &Path, files: &ModelFiles) -> Result<()> {
+    store::write(&out.join("weights.safetensors"), &files.weights)?;
+    store::write(&out.join("starts.safetensors"), &files.starts)?;
+    store::write(&out.join("config.json"), &files.config)
+}
+
+/// The bytes of a model's files.
+pub struct ModelFiles {
+    /// Encoder, decoder and policy in half precision.
+    pub weights: Vec<u8>,
+    /// Start configurations with the z at which they were demonstrated.
+    pub starts: Vec<u8>,
+    /// [`ModelConfig`] as JSON.
+    pub config: Vec<u8>,
 }
 
 /// Bytes of the three files of a model.
@@ -162,7 +197,7 @@ pub fn model_files(
     policy: &Params,
     config: &DaggerConfig,
     lessons: &[Lesson],
-) -> Result<(Vec<u8>, Vec<u8>, Vec<u8>)> {
+) -> Result<ModelFiles> {
     let whitening = encoder.whitening.tensors();
     let weights = merge(&[encoder.params.export(&whitening)?, policy.export(&[])?])?;
     let (mut z, mut q) = (Vec::new(), Vec::new());
@@ -187,7 +222,7 @@ pub fn model_files(
         version: VERSION,
         policy: config.policy.clone(),
     })?;
-    Ok((weights, starts, config))
+    Ok(ModelFiles { weights, starts, config })
 }
 
 /// One safetensors file out of several.
@@ -229,6 +264,22 @@ pub fn fingertip_errors(tree: &Tree, policy: &Network, lessons: &[&Lesson]) -> V
     errors
 }
 
+/// The greatest λ_max(B) + β (1/s) of a fabric in the states of demonstrations; `None` of another network.
+pub fn greatest_damping(policy: &Network, lessons: &[&Lesson]) -> Option<f64> {
+    let of_lesson = |lesson: &&Lesson| {
+        let (object, rows) = (&lesson.encodings[0], lesson.demonstrations.rows());
+        let row = |row| {
+            let state = object.state_in_front(&lesson.demonstrations.state(row));
+            policy.greatest_damping(&state, &object.z)
+        };
+        (0..rows).step_by(EVERY_ROW).filter_map(row).reduce(f64::max)
+    };
+    lessons.par_iter().filter_map(of_lesson).reduce_with(f64::max)
+}
+
+/// Rows between two at which the damping is looked at.
+const EVERY_ROW: usize = 10;
+
 /// Distance (m) between the fingertips of two postures, the mean over the four tips.
 fn tips_apart(tree: &Tree, a: &JointVector, b: &JointVector) -> f64 {
     let (a, b) = (tree.kinematics(a).tips(), tree.kinematics(b).tips());
@@ -266,8 +317,8 @@ mod tests {
         let config = DaggerConfig::standard(PolicyConfig::tiny());
         let mut policy = Params::default();
         nn::network::init(&mut policy, &config.policy, &mut ChaCha8Rng::seed_from_u64(2)).unwrap();
-        let (weights, starts, config) = model_files(&encoder, &policy, &config, &[lesson]).unwrap();
-        let model = Model::load(&weights, &starts, &config, &tree).unwrap();
+        let files = model_files(&encoder, &policy, &config, &[lesson]).unwrap();
+        let model = Model::load(&files.weights, &files.starts, &files.config, &tree).unwrap();
         for bearing in [0.3, -0.6] {
             let seen = Encoding { bearing, z: z.clone() };
             let start = model.start(&seen, &tree.kinematics(&first).palm()).unwrap();

@@ -39,8 +39,8 @@ pub(crate) struct Row {
 
 /// Measures, prints and writes. Weights are random: their values do not change the time.
 pub(crate) fn run(options: &Options) -> Result<()> {
-    if options.learning && environment::run_again()? {
-        return Ok(());
+    if options.learning {
+        environment::begin_anew()?;
     }
     let rows = if options.learning { learning()? } else { acting()? };
     for row in rows.iter().filter(|_| !options.quiet) {

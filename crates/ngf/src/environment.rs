@@ -1,6 +1,6 @@
 //! The environment that training needs, which a process has from its beginning or not at all.
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result};
 use std::process::Command;
 
 /// Matrix products stay on the thread of their shard; memory that is freed is kept, for a step frees
@@ -12,18 +12,26 @@ const ENVIRONMENT: [(&str, &str); 4] = [
     ("MALLOC_TOP_PAD_", "268435456"),
 ];
 
-/// Runs this program again in that environment, if it is not in it; says whether it did.
-pub(crate) fn run_again() -> Result<bool> {
+/// Begins this program anew in that environment, if it is not in it. Where processes can be replaced, this one is:
+/// whoever stops it stops the training.
+pub(crate) fn begin_anew() -> Result<()> {
     if ENVIRONMENT.iter().all(|(name, value)| std::env::var(name).as_deref() == Ok(value)) {
-        return Ok(false);
+        return Ok(());
     }
     let program = std::env::current_exe().context("where this program is")?;
-    let mut again = Command::new(program);
-    again.args(std::env::args_os().skip(1)).envs(ENVIRONMENT);
-    match again.status()?.code() {
-        Some(0) => Ok(true),
-        // It has said why.
-        Some(code) => std::process::exit(code),
-        None => bail!("training was stopped; run the same command again to continue it"),
-    }
+    let mut anew = Command::new(program);
+    anew.args(std::env::args_os().skip(1)).envs(ENVIRONMENT);
+    replace(anew)
+}
+
+#[cfg(unix)]
+fn replace(mut anew: Command) -> Result<()> {
+    use std::os::unix::process::CommandExt;
+    Err(anew.exec()).context("cannot begin anew")
+}
+
+#[cfg(not(unix))]
+fn replace(mut anew: Command) -> Result<()> {
+    // It has said why it failed.
+    std::process::exit(anew.status()?.code().unwrap_or(2))
 }

@@ -3,15 +3,20 @@
 use crate::evaluate::load;
 use crate::objects::{self, Heaviness};
 use anyhow::{Context, Result, bail};
+use dataset::Dataset;
 use dataset::generate::built_in_object;
 use dataset::store;
 use geometry::object::Object;
+use grasps::built_in::built_in;
 use imitation::evaluation::{self, Report};
-use imitation::suite::{self, Suite};
+use imitation::suite::{self, Course, Suite};
+use imitation::training;
 use indicatif::ProgressBar;
 use policy::network::POLICIES;
 use rollout::{Attempt, Controller, Workcell};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex};
 
 /// What is compared.
 #[derive(clap::Args)]
@@ -29,7 +34,10 @@ pub(crate) struct Options {
     /// Seed of the first attempt, the same for all.
     #[arg(long, default_value_t = 0)]
     seed: u64,
-    /// Where to write suite.json, suite.md, suite.svg, and an episode of every failure.
+    /// Folder of the dataset, for the control that plays its demonstrations back.
+    #[arg(long, value_name = "DIR")]
+    data: Option<PathBuf>,
+    /// Where to write suite.json, suite.md, suite.svg, the courses of the attempts, and an episode of every failure.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
 }
@@ -45,13 +53,17 @@ struct Contestant {
 /// Runs what is missing and writes the report.
 pub(crate) fn run(options: &Options) -> Result<()> {
     let objects = options.objects.iter().map(|text| object(text)).collect::<Result<Vec<_>>>()?;
-    let contestants = contestants(&options.models)?;
+    let contestants = contestants(&options.models, options.data.as_deref())?;
     let policies = contestants.iter().filter(|who| POLICIES.contains(&who.label.as_str())).count();
     let mut found = Suite::default();
     let mut workcell = Workcell::new()?;
     for who in &contestants {
         let model_hash = Some(load(&mut workcell, &who.model.to_string_lossy())?);
         for (name, object) in &objects {
+            // It knows the grasps of built-in objects only.
+            if matches!(who.controller, Controller::Planner) && built_in(name).is_none() {
+                continue;
+            }
             let cell = Cell { options, who, name, model_hash: &model_hash };
             found.reports.push(cell.report(&workcell, object)?);
         }
@@ -66,7 +78,7 @@ pub(crate) fn run(options: &Options) -> Result<()> {
 }
 
 /// The policies that are there, then the controls with the first of them.
-fn contestants(models: &Path) -> Result<Vec<Contestant>> {
+fn contestants(models: &Path, data: Option<&Path>) -> Result<Vec<Contestant>> {
     let there: Vec<&str> = POLICIES.into_iter().filter(|name| models.join(name).is_dir()).collect();
     let Some(first) = there.first() else {
         bail!(
@@ -91,6 +103,11 @@ fn contestants(models: &Path) -> Result<Vec<Contestant>> {
         model: models.join(first),
     };
     let mut all: Vec<Contestant> = there.iter().map(policy).collect();
+    all.push(control("planner", Controller::Planner, None));
+    if let Some(data) = data {
+        let library = Arc::new(training::library(&Dataset::open(data)?)?);
+        all.push(control("play-back", Controller::Nearest(library), None));
+    }
     all.extend([
         control("no policy", Controller::Script, None),
         control("shuffled z", Controller::ShuffledLatent, None),
@@ -148,9 +165,14 @@ impl Cell<'_> {
         let bar = ProgressBar::new(options.attempts as u64);
         bar.set_message(words.clone());
         let failures = options.out.join("failures");
+        let courses = Mutex::new(BTreeMap::new());
         let observe = |attempt: &Attempt| {
             bar.inc(1);
-            if attempt.verdict().is_some_and(|verdict| verdict.is_lifted()) {
+            let is_lifted = attempt.verdict().is_some_and(|verdict| verdict.is_lifted());
+            if let Ok(mut courses) = courses.lock() {
+                courses.insert(attempt.seed(), (is_lifted, attempt.course(workcell)));
+            }
+            if is_lifted {
                 return Ok(());
             }
             let episode = attempt.episode();
@@ -162,6 +184,10 @@ impl Cell<'_> {
         let found =
             evaluation::evaluate(workcell, &object, name, controller, None, seeds, &observe)?;
         bar.finish_and_clear();
+        let courses: Vec<Course> = courses.into_inner().unwrap_or_default().into_values().collect();
+        let figure = suite::courses(&format!("{} on {name}", who.label), &courses);
+        let place = options.out.join("courses").join(format!("{words}.svg"));
+        store::write(&place, figure.as_bytes())?;
         let report =
             Report { policy: who.label.clone(), model_hash: (*model_hash).clone(), ..found };
         crate::evaluate::print(&report);

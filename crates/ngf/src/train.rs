@@ -1,6 +1,8 @@
 //! `ngf train encoder` and `ngf train policy`: training with checkpoints; a killed run continues.
 
 mod encoder;
+mod exam;
+mod log;
 mod policy;
 
 use crate::environment;
@@ -40,6 +42,9 @@ pub(crate) struct Run {
     /// Peak learning rate instead of the standard one.
     #[arg(long)]
     rate: Option<f32>,
+    /// Steps from checkpoint to checkpoint instead of the standard number.
+    #[arg(long, value_name = "STEPS", value_parser = at_least_one)]
+    checkpoint: Option<usize>,
 }
 
 fn at_least_one(text: &str) -> Result<usize, String> {
@@ -51,9 +56,7 @@ fn at_least_one(text: &str) -> Result<usize, String> {
 }
 
 pub(crate) fn run(options: &Options) -> Result<()> {
-    if environment::run_again()? {
-        return Ok(());
-    }
+    environment::begin_anew()?;
     match options {
         Options::Encoder(run) => encoder::train(run),
         Options::Policy(options) => policy::train(options),

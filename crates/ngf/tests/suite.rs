@@ -37,7 +37,7 @@ fn a_suite_counts_once_and_every_failure_can_be_replayed() {
     let first = ngf(&arguments);
     assert!(first.status.success(), "{}", String::from_utf8_lossy(&first.stderr));
     let table = std::fs::read_to_string(out.join("suite.md")).unwrap();
-    for who in ["ngf-pcd", "no policy", "shuffled z", "zero z", "friction 0"] {
+    for who in ["ngf-pcd", "planner", "no policy", "shuffled z", "zero z", "friction 0"] {
         assert!(table.contains(&format!("| {who} |")), "{table}");
     }
     assert!(table.contains("| friction 0 | 0 of 2 "), "{table}");

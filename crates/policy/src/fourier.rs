@@ -81,8 +81,10 @@ impl Fourier {
 ///
 /// Reduction to [-π/4, π/4] with π/2 in three parts, then the minimax polynomials of Cephes
 /// (S. Moshier); error below 2e-7 for |x| < 8000.
-fn sin_cos(x: f32) -> (f32, f32) {
-    let quarter = libm::rintf(x * std::f32::consts::FRAC_2_PI);
+pub fn sin_cos(x: f32) -> (f32, f32) {
+    // Adding 1.5 x 2^23 rounds to an integer, as `rint` does but inline.
+    const ROUND: f32 = 12_582_912.0;
+    let quarter = (x * std::f32::consts::FRAC_2_PI + ROUND) - ROUND;
     let r = ((x - quarter * 1.570_312_5) - quarter * 4.837_513e-4) - quarter * 7.549_79e-8;
     let r2 = r * r;
     let sin = r + r * r2 * (-1.666_665_5e-1 + r2 * (8.332_161e-3 + r2 * -1.951_529_6e-4));

@@ -110,6 +110,12 @@ impl Fabric {
         let drive = metric.solve(&self.driving_force);
         Some(h + qd * (energization(qd, &h) - DAMPING) - drive)
     }
+
+    /// λ_max(B) + β (1/s), the fastest rate at which it brakes: Eq. 6 and 7 are stable below 2 / dt = 60.
+    pub fn greatest_damping(&self) -> f64 {
+        let metric = self.geometry_metric + self.driving_metric;
+        self.damping / metric.symmetric_eigenvalues().min() + DAMPING
+    }
 }
 
 /// α_L = -q̇ᵀh̃ / (q̇ᵀq̇ + ε): conserves L = ½ q̇ᵀq̇ along the geometry.
@@ -135,6 +141,23 @@ mod tests {
 
     fn velocity(seed: usize) -> JointVector {
         JointVector::from_fn(|i, _| libm::cos((i + 5 * seed) as f64))
+    }
+
+    #[test]
+    fn the_greatest_damping_is_that_of_the_lightest_direction() {
+        for seed in 0..5 {
+            let fabric = outputs(seed).fabric(&velocity(seed));
+            let inverse = fabric.factored_metric().unwrap().inverse();
+            let b = inverse * fabric.damping + JointMatrix::identity() * DAMPING;
+            // The power method.
+            let mut v = velocity(seed + 9);
+            for _ in 0..20_000 {
+                v = (b * v).normalize();
+            }
+            let wanted = v.dot(&(b * v));
+            let got = fabric.greatest_damping();
+            assert!((got - wanted).abs() < 1e-3 * wanted, "{got} against {wanted}");
+        }
     }
 
     #[test]

@@ -114,6 +114,14 @@ impl Network {
             Self::Mlp(mlp) => mlp.acceleration(state, object),
         }
     }
+
+    /// λ_max(B) + β (1/s) of a fabric ([`crate::head::Fabric::greatest_damping`]); others have none.
+    pub fn greatest_damping(&self, state: &JointState, object: &[f32]) -> Option<f64> {
+        match self {
+            Self::Ngf(ngf) => Some(ngf.outputs(state, object).fabric(&state.qd).greatest_damping()),
+            Self::Mlp(_) => None,
+        }
+    }
 }
 
 #[cfg(test)]

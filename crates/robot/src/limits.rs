@@ -28,6 +28,11 @@ impl Limits {
         (0..crate::DOF).all(|i| q[i] >= self.lower[i] + margin && q[i] <= self.upper[i] - margin)
     }
 
+    /// Distance (rad) of the joint that is nearest to a limit from it; negative beyond.
+    pub fn margin(&self, q: &JointVector) -> f64 {
+        (q - self.lower).min().min((self.upper - q).min())
+    }
+
     /// Scales the whole acceleration down until no joint exceeds its limit; keeps its direction.
     pub fn scale_acceleration(&self, qdd: &JointVector) -> JointVector {
         let excess =

@@ -2,6 +2,7 @@
 //! space that leads there (paper §IV).
 
 use crate::attempt::Controller;
+use crate::library::Library;
 use crate::verdict::Failure;
 use crate::workcell::{RolloutError, Workcell};
 use geometry::object::Object;
@@ -10,7 +11,7 @@ use grasps::built_in::built_in;
 use grasps::demonstration::{self, TrajectoryConfig};
 use grasps::sides::all_sides;
 use grasps::{Setting, place};
-use policy::Encoding;
+use policy::{Encoding, Model};
 use rand_chacha::ChaCha8Rng;
 use robot::{DOF, Isometry, JointState, JointVector, Limits};
 use scene::config::CONTROL_PERIOD;
@@ -60,6 +61,7 @@ impl Sight<'_> {
             }
             Controller::Planner => self.demonstrated(rng),
             Controller::Demonstration(states) => Ok(Ok(self.starting_at_home(states))),
+            Controller::Nearest(library) => self.played_back(library),
             _ => self.looked_up(controller, rng),
         }
     }
@@ -100,17 +102,32 @@ impl Sight<'_> {
         Approach { rows, ticks, encoding: None }
     }
 
-    /// The start configuration that the model looks up for the cloud (paper §III-F).
+    /// What is seen, and the start configuration that the model looks up for it (paper §III-F).
+    fn start(&self) -> Result<Result<(&Model, Encoding, JointVector), Failure>, RolloutError> {
+        let model = self.workcell.model.as_ref().ok_or(RolloutError::NoModel)?;
+        let Some(seen) = model.observe(self.cloud) else { return Ok(Err(Failure::Unseen)) };
+        let start = model.start(&seen, &self.target);
+        Ok(start.map(|start| (model, seen, start)).ok_or(Failure::Unreachable))
+    }
+
+    /// The demonstration that begins there.
+    fn played_back(&self, library: &Library) -> Result<Result<Approach, Failure>, RolloutError> {
+        Ok(self.start()?.and_then(|(_, seen, start)| {
+            let states = library.from(&start, &seen).ok_or(Failure::Unreachable)?;
+            Ok(self.starting_at_home(&states))
+        }))
+    }
+
+    /// A spline to the start configuration, where the policy takes over.
     fn looked_up(
         &self,
         controller: &Controller,
         rng: &mut ChaCha8Rng,
     ) -> Result<Result<Approach, Failure>, RolloutError> {
         let robot = &self.workcell.robot;
-        let model = self.workcell.model.as_ref().ok_or(RolloutError::NoModel)?;
-        let Some(seen) = model.observe(self.cloud) else { return Ok(Err(Failure::Unseen)) };
-        let Some(start) = model.start(&seen, &self.target) else {
-            return Ok(Err(Failure::Unreachable));
+        let (model, seen, start) = match self.start()? {
+            Ok(found) => found,
+            Err(failure) => return Ok(Err(failure)),
         };
         let zero = || vec![0.0; model.observation.size()];
         let encoding = match controller {

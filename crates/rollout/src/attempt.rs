@@ -1,7 +1,9 @@
 //! The attempt itself. A run is its seed: pose, sensor noise and target are drawn from it in this order.
 
 use crate::approach::{Sight, look, script};
-use crate::episode::{Episode, row_of};
+use crate::course::Moment;
+use crate::episode::{Episode, row_of, state_of_row};
+use crate::library::Library;
 use crate::motion::Motion;
 use crate::verdict::{Failure, Story, Verdict};
 use crate::workcell::{RolloutError, Workcell};
@@ -14,6 +16,7 @@ use rand_chacha::ChaCha8Rng;
 use robot::{JointState, JointVector, integrator};
 use scene::config::{CONTROL_PERIOD, scene_hash};
 use scene::{Hold, Scene, Simulation};
+use std::sync::Arc;
 
 /// Who moves the joints between start and lift.
 #[derive(Clone, Debug)]
@@ -30,6 +33,8 @@ pub enum Controller {
     Planner,
     /// A demonstration that was made for this pose.
     Demonstration(Vec<JointState>),
+    /// The demonstration that begins where the policy would: play-back without a network (control d).
+    Nearest(Arc<Library>),
     /// Recorded targets.
     Replay {
         /// States at the beginning and after each tick.
@@ -217,8 +222,10 @@ impl Attempt {
                 }
             }
             Phase::Approach => {
-                let is_planned =
-                    matches!(self.controller, Controller::Planner | Controller::Demonstration(_));
+                let is_planned = matches!(
+                    self.controller,
+                    Controller::Planner | Controller::Demonstration(_) | Controller::Nearest(_)
+                );
                 if is_planned && self.phase_ticks >= self.approach_ticks {
                     self.enter(Phase::Policy);
                 } else if !is_planned {
@@ -341,6 +348,11 @@ impl Attempt {
         self.pose
     }
 
+    /// The seed that decides everything in it.
+    pub fn seed(&self) -> u64 {
+        self.seed
+    }
+
     /// Hash of the present state, hex.
     pub fn state_hash(&self) -> String {
         self.scene.state_hash().to_hex().to_string()
@@ -356,10 +368,23 @@ impl Attempt {
         }
     }
 
+    /// Commanded states between start and lift; none if the controller did not come to act.
+    fn acted(&self) -> Vec<JointState> {
+        let end = self.lift_tick.unwrap_or(self.ticks());
+        let rows = self.targets.get(self.approach_ticks..=end).unwrap_or_default();
+        rows.iter().map(|row| state_of_row(row)).collect()
+    }
+
     /// How the controller moved between start and lift, if it came to act.
     pub fn motion(&self) -> Option<Motion> {
-        let end = self.lift_tick.unwrap_or(self.ticks());
-        Motion::of_rows(self.targets.get(self.approach_ticks..=end)?)
+        Motion::of(&self.acted())
+    }
+
+    /// The moments between start and lift, a control period apart; none if the controller did not come to act.
+    pub fn course(&self, workcell: &Workcell) -> Vec<Moment> {
+        let limits = &workcell.robot.tree.limits;
+        let acts = workcell.model.as_ref().zip(self.encoding.as_ref());
+        self.acted().iter().map(|state| Moment::of(state, limits, acts)).collect()
     }
 
     /// The recording so far.

@@ -42,10 +42,15 @@ pub(crate) fn state_of((row, values): (usize, &Vec<f64>)) -> Result<JointState, 
     if found != wanted {
         return Err(RolloutError::Row { row, found, wanted });
     }
-    Ok(JointState {
-        q: JointVector::from_fn(|i, _| values[i]),
-        qd: JointVector::from_fn(|i, _| values[DOF + i]),
-    })
+    Ok(state_of_row(values))
+}
+
+/// A row of targets of the right length as a state.
+pub(crate) fn state_of_row(row: &[f64]) -> JointState {
+    JointState {
+        q: JointVector::from_column_slice(&row[..DOF]),
+        qd: JointVector::from_column_slice(&row[DOF..]),
+    }
 }
 
 /// An error if what was recorded there was recorded with something else.

@@ -5,17 +5,21 @@
 
 pub mod approach;
 pub mod attempt;
+pub mod course;
 pub mod demonstration;
 pub mod episode;
 pub mod interval;
+pub mod library;
 pub mod motion;
 pub mod verdict;
 pub mod workcell;
 
 pub use attempt::{Attempt, Controller, Phase, pose_of_seed};
+pub use course::Moment;
 pub use demonstration::Demonstration;
 pub use episode::Episode;
 pub use interval::wilson95;
+pub use library::Library;
 pub use motion::Motion;
 pub use verdict::{Failure, Verdict};
 pub use workcell::{RolloutError, Workcell};

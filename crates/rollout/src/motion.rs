@@ -1,6 +1,6 @@
 //! How a controller moved the joints: what is compared beside success.
 
-use robot::{DOF, JointState};
+use robot::JointState;
 use scene::config::CONTROL_PERIOD;
 
 /// A motion between start and lift.
@@ -33,21 +33,12 @@ impl Motion {
             jerk: libm::sqrt(mean) / (CONTROL_PERIOD * CONTROL_PERIOD),
         })
     }
-
-    /// Of rows of joint positions, then velocities.
-    pub(crate) fn of_rows(rows: &[Vec<f64>]) -> Option<Self> {
-        let state = |row: &Vec<f64>| JointState {
-            q: robot::JointVector::from_column_slice(&row[..DOF]),
-            qd: robot::JointVector::from_column_slice(&row[DOF..]),
-        };
-        Self::of(&rows.iter().map(state).collect::<Vec<_>>())
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use robot::{JointVector, integrator};
+    use robot::{DOF, JointVector, integrator};
 
     #[test]
     fn a_steady_push_has_a_path_and_no_jerk() {

@@ -2,8 +2,8 @@
 
 use super::Params;
 use super::head::contiguous;
-use crate::shards::{Gradient, Gradients};
-use anyhow::{Result, anyhow};
+use crate::shards::{Gradient, Gradients, over_threads};
+use anyhow::Result;
 use candle_core::{CpuStorage, InplaceOp1, Layout, Storage, Tensor, Var};
 use std::sync::Mutex;
 
@@ -50,14 +50,15 @@ impl AdamW {
         Self { first: vec![0.0; count], second: vec![0.0; count], steps: 0, decay }
     }
 
-    /// One step along `gradients`, clipped to norm `clip`, on as many threads as there are shards.
-    /// Gives the norm before clipping; if that is not finite, nothing is changed.
+    /// One step along `gradients`, clipped to norm `clip`. Gives the norm before clipping; if that is not finite,
+    /// nothing is changed.
     pub fn step(
         &mut self,
         params: &Params,
         gradients: &Gradients,
         rate: f32,
         clip: f32,
+        threads: usize,
     ) -> Result<f32> {
         let mut parts = Vec::new();
         let (mut first, mut second) = (self.first.as_mut_slice(), self.second.as_mut_slice());
@@ -75,15 +76,15 @@ impl AdamW {
                 parts.push(Part { var: var.clone(), gradients: of_shards, moments });
             }
         }
-        let threads = gradients.shards.len();
-        let squares = over_threads(&parts, threads, Part::squared_norm)?;
+        let size = |part: &Part| part.var.elem_count();
+        let squares = over_threads(&parts, threads, size, Part::squared_norm)?;
         let norm = squares.iter().sum::<f64>().sqrt() as f32;
         if !norm.is_finite() {
             return Ok(norm);
         }
         self.steps += 1;
         let count = self.steps.min(10_000) as i32;
-        over_threads(&parts, threads, |part| {
+        over_threads(&parts, threads, size, |part| {
             let update = Update {
                 part,
                 rate,
@@ -96,39 +97,6 @@ impl AdamW {
         })?;
         Ok(norm)
     }
-}
-
-/// Applies `f` to every part, the largest ones first, each to the thread with the least to do; gives
-/// the results in the order of the parts.
-fn over_threads<'p, R: Send>(
-    parts: &[Part<'p>],
-    threads: usize,
-    f: impl Fn(&Part<'p>) -> Result<R> + Sync,
-) -> Result<Vec<R>> {
-    let mut order: Vec<usize> = (0..parts.len()).collect();
-    order.sort_by_key(|&i| std::cmp::Reverse(parts[i].var.elem_count()));
-    let mut queues = vec![(0, Vec::new()); threads.max(1)];
-    for i in order {
-        if let Some((load, queue)) = queues.iter_mut().min_by_key(|(load, _)| *load) {
-            *load += parts[i].var.elem_count();
-            queue.push(i);
-        }
-    }
-    let mut results: Vec<(usize, R)> = std::thread::scope(|scope| {
-        let f = &f;
-        let work = |queue: Vec<usize>| {
-            queue.into_iter().map(|i| Ok((i, f(&parts[i])?))).collect::<Result<Vec<_>>>()
-        };
-        let running: Vec<_> =
-            queues.into_iter().map(|(_, queue)| scope.spawn(move || work(queue))).collect();
-        let mut results = Vec::new();
-        for thread in running {
-            results.extend(thread.join().map_err(|_| anyhow!("an optimiser thread panicked"))??);
-        }
-        anyhow::Ok(results)
-    })?;
-    results.sort_by_key(|(i, _)| *i);
-    Ok(results.into_iter().map(|(_, result)| result).collect())
 }
 
 impl Part<'_> {
@@ -222,7 +190,7 @@ mod tests {
             (share, Gradient { loss: 0.0, of_params: vec![Some(tensor)] })
         };
         let gradients = Gradients { shards: gradients.iter().map(shard).collect() };
-        adam.step(params, &gradients, rate, clip).unwrap()
+        adam.step(params, &gradients, rate, clip, 2).unwrap()
     }
 
     fn params(x: &[f32]) -> Params {

@@ -1,16 +1,66 @@
 //! A layer y = f(xW + b) as one operation with its gradient: bias and f cost no pass of their own.
 
 use super::head::contiguous;
+use super::slot::Slot;
 use candle_core::backend::BackendStorage;
-use candle_core::{CpuStorage, CustomOp3, Layout, Result, Shape, Tensor};
+use candle_core::{CpuStorage, CustomOp2, CustomOp3, Layout, Result, Shape, Tensor};
 use policy::mlp::Activation;
 
-/// x (N, inputs), W (inputs, outputs), b (outputs) to y (N, outputs); no activation: y = xW + b.
-pub struct Dense(pub Option<Activation>);
+/// x (N, inputs), W (inputs, outputs), b (outputs) to y (N, outputs).
+pub struct Dense {
+    /// f; without one y = xW + b.
+    pub activation: Option<Activation>,
+    /// Where the gradient of W is left, if not on the tape.
+    pub slot: Option<Slot>,
+}
+
+/// y (N, inputs) = x (N, outputs) Wᵀ: back through a layer as a forward operation.
+pub struct Transposed {
+    /// Where the gradient of W is left, if not on the tape.
+    pub slot: Option<Slot>,
+}
+
+/// Leaves the gradient of a weight in its slot, or gives it to the tape.
+fn leave(slot: Option<&Slot>, gradient: Tensor) -> Result<Option<Tensor>> {
+    match slot {
+        Some(slot) => slot.add(gradient).map(|()| None),
+        None => Ok(Some(gradient)),
+    }
+}
+
+impl CustomOp2 for Transposed {
+    fn name(&self) -> &'static str {
+        "transposed"
+    }
+
+    fn cpu_fwd(
+        &self,
+        x: &CpuStorage,
+        x_layout: &Layout,
+        weight: &CpuStorage,
+        weight_layout: &Layout,
+    ) -> Result<(CpuStorage, Shape)> {
+        let ((rows, outputs), inputs) = (x_layout.shape().dims2()?, weight_layout.dims()[0]);
+        let sizes = (1, rows, inputs, outputs);
+        let y = x.matmul(weight, sizes, x_layout, &weight_layout.transpose(0, 1)?)?;
+        Ok((y, Shape::from((rows, inputs))))
+    }
+
+    fn bwd(
+        &self,
+        x: &Tensor,
+        weight: &Tensor,
+        _: &Tensor,
+        gradient: &Tensor,
+    ) -> Result<(Option<Tensor>, Option<Tensor>)> {
+        let of_weight = gradient.t()?.matmul(x)?;
+        Ok((Some(gradient.matmul(weight)?), leave(self.slot.as_ref(), of_weight)?))
+    }
+}
 
 impl Dense {
     fn activate(&self, y: &mut [f32]) {
-        match self.0 {
+        match self.activation {
             None => {}
             Some(Activation::Elu) => {
                 y.iter_mut().for_each(|y| *y = y.max(0.0) + (exp(y.min(0.0)) - 1.0));
@@ -21,7 +71,7 @@ impl Dense {
 
     /// The derivative, told from the activated value.
     fn slope(&self, y: f32) -> f32 {
-        match self.0 {
+        match self.activation {
             None => 1.0,
             Some(Activation::Elu) => y.min(0.0) + 1.0,
             Some(Activation::Relu) => f32::from(y > 0.0),
@@ -102,7 +152,7 @@ impl CustomOp3 for Dense {
         let of_x = if x.track_op() { Some(of_product.matmul(&weight.t()?)?) } else { None };
         let of_weight = x.t()?.matmul(&of_product)?;
         let of_bias = Tensor::from_vec(of_bias, bias.shape(), x.device())?;
-        Ok((of_x, Some(of_weight), Some(of_bias)))
+        Ok((of_x, leave(self.slot.as_ref(), of_weight)?, Some(of_bias)))
     }
 }
 
@@ -139,7 +189,7 @@ mod tests {
         );
         for activation in [None, Some(Activation::Elu), Some(Activation::Relu)] {
             let f = |y: f32| activation.map_or(y, |activation| activation.apply(y));
-            let got = tx.apply_op3(&w, &b, Dense(activation)).unwrap();
+            let got = tx.apply_op3(&w, &b, Dense { activation, slot: None }).unwrap();
             let got = got.to_vec2::<f32>().unwrap();
             for (got, wanted) in got[0].iter().zip(layer.apply(&x)) {
                 assert!((got - f(wanted)).abs() < 1e-6, "{got} against {}", f(wanted));
@@ -157,7 +207,9 @@ mod tests {
                 let vars: Vec<Var> = (0..3)
                     .map(|i| Var::from_slice(&values[i], shapes[i], &Device::Cpu).unwrap())
                     .collect();
-                let y = vars[0].apply_op3(&vars[1], &vars[2], Dense(activation)).unwrap();
+                let y = vars[0]
+                    .apply_op3(&vars[1], &vars[2], Dense { activation, slot: None })
+                    .unwrap();
                 (vars, (y * &weights).unwrap().sum_all().unwrap())
             };
             let (vars, made) = loss(&values);

@@ -7,11 +7,13 @@ pub mod autoencoder;
 pub mod baseline;
 pub mod chamfer;
 pub mod dense;
+pub mod features;
 pub mod head;
 pub mod network;
 pub mod ngf;
 pub mod params;
 pub mod pool;
+pub mod slot;
 
 pub use params::Params;
 
@@ -26,8 +28,8 @@ pub(crate) fn dense(
     name: &str,
     activation: Option<Activation>,
 ) -> Result<Tensor> {
-    let weight = params.tensor(&format!("{name}.weight"))?;
-    x.apply_op3(weight, params.tensor(&format!("{name}.bias"))?, Dense(activation))
+    let (weight, slot) = params.weight(&format!("{name}.weight"))?;
+    x.apply_op3(&weight, params.tensor(&format!("{name}.bias"))?, Dense { activation, slot })
 }
 
 /// Layers `name.0` to `name.{count - 1}` with `activation` between them; the last one is linear.

@@ -2,14 +2,14 @@
 
 use super::Params;
 use super::baseline::{self, Baseline};
-use super::ngf::{self, Active, Ngf};
+use super::ngf::{self, Active, Ngf, Piece};
 use anyhow::Result;
 use candle_core::Tensor;
 use policy::PolicyConfig;
 use policy::head::TRIANGLE;
 use policy::network::NetworkConfig;
 use rand_chacha::ChaCha8Rng;
-use robot::{JointState, Limits};
+use robot::{DOF, JointState, Limits};
 
 /// What is trained.
 pub enum Network {
@@ -45,29 +45,58 @@ impl Network {
         })
     }
 
-    /// What it does in the states of a batch, for what is told of their objects. Which networks are `active` is of
-    /// no matter to the baseline, which is one.
+    /// The networks that it consists of, those that are `active`; the baseline is one.
+    pub fn pieces(&self, active: Active) -> Vec<Piece> {
+        match self {
+            Self::Ngf(ngf) => ngf.pieces(active),
+            Self::Mlp(_) => vec![Piece { part: 0, columns: 0..DOF, passes: 3 }],
+        }
+    }
+
+    /// What one of them says about the states of a batch, for what is told of their objects.
+    pub fn output(
+        &self,
+        params: &Params,
+        piece: &Piece,
+        states: &[JointState],
+        objects: &[&[f32]],
+    ) -> Result<Tensor> {
+        match self {
+            Self::Ngf(ngf) => ngf.output(params, piece, states, objects),
+            Self::Mlp(mlp) => mlp.accelerations(params, states, objects),
+        }
+    }
+
+    /// A row of outputs for those that are not active.
+    pub fn silence(&self) -> Vec<f32> {
+        match self {
+            Self::Ngf(_) => Ngf::silence(),
+            Self::Mlp(_) => vec![0.0; DOF],
+        }
+    }
+
+    /// What it does, from all that its networks say: shape (B, length of a row).
+    pub fn head(&self, outputs: &Tensor, states: &[JointState]) -> Result<Response> {
+        Ok(match self {
+            Self::Ngf(_) => Response {
+                accelerations: Ngf::resolve(outputs, states)?,
+                metrics: Some(outputs.narrow(1, 0, 2 * TRIANGLE)?.sqr()?.mean_all()?),
+            },
+            Self::Mlp(_) => Response { accelerations: outputs.clone(), metrics: None },
+        })
+    }
+
+    /// What it does in the states of a batch, on one tape.
     pub fn respond(
         &self,
         params: &Params,
         states: &[JointState],
         objects: &[&[f32]],
-        active: Active,
     ) -> Result<Response> {
-        match self {
-            Self::Ngf(ngf) => {
-                let outputs = ngf.outputs(params, states, objects, active)?;
-                let metrics = outputs.narrow(1, 0, 2 * TRIANGLE)?.sqr()?.mean_all()?;
-                Ok(Response {
-                    accelerations: Ngf::resolve(&outputs, states)?,
-                    metrics: Some(metrics),
-                })
-            }
-            Self::Mlp(mlp) => Ok(Response {
-                accelerations: mlp.accelerations(params, states, objects)?,
-                metrics: None,
-            }),
-        }
+        let output = |piece| self.output(params, piece, states, objects);
+        let outputs: Vec<Tensor> =
+            self.pieces(Active::All).iter().map(output).collect::<Result<_>>()?;
+        self.head(&Tensor::cat(&outputs, 1)?.contiguous()?, states)
     }
 }
 
@@ -77,7 +106,7 @@ mod tests {
     use policy::baseline::BaselineConfig;
     use policy::{Observation, weights::Tensors};
     use rand::SeedableRng;
-    use robot::{DOF, JointVector, Tree};
+    use robot::{JointVector, Tree};
 
     /// Networks of every kind, of little size.
     fn configs() -> Vec<PolicyConfig> {
@@ -115,7 +144,7 @@ mod tests {
             let object: Vec<f32> =
                 (0..config.observation.size()).map(|i| libm::sinf(i as f32)).collect();
             let objects = vec![object.as_slice(); 8];
-            let got = twin.respond(&params, &states, &objects, Active::All).unwrap();
+            let got = twin.respond(&params, &states, &objects).unwrap();
             for (state, got) in states.iter().zip(got.accelerations.to_vec2::<f32>().unwrap()) {
                 let wanted = runs.acceleration(state, &object).unwrap();
                 let off = |i: usize| (f64::from(got[i]) - wanted[i]).abs();

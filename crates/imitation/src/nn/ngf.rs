@@ -1,7 +1,9 @@
 //! The NGF on a batch; the twin of `policy::ngf`. ∂ψ/∂q is built from forward operations, so that
 //! one ordinary backward pass trains it.
 
-use super::head::Head;
+use super::dense::Transposed;
+use super::features::Features;
+use super::head::{Head, PACKED};
 use super::{Params, dense, mlp};
 use anyhow::Result;
 use candle_core::{Device, Tensor};
@@ -10,6 +12,7 @@ use policy::mlp::Activation;
 use policy::ngf::{NgfConfig, PARTS, inputs};
 use rand_chacha::ChaCha8Rng;
 use robot::{DOF, JointState, JointVector, Limits};
+use std::ops::Range;
 
 /// β_f of a fresh network.
 const FIRST_DAMPING: f32 = 50.0;
@@ -36,6 +39,17 @@ pub enum Active {
     All,
     /// F_ψ; the others say what they say before any training: M = 2 I, χ = 0, constant damping.
     Potential,
+}
+
+/// One of the five networks in a batch.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Piece {
+    /// Its index among the parts.
+    pub part: usize,
+    /// Where what it says stands among all outputs.
+    pub columns: Range<usize>,
+    /// How often its layers are gone through in a step.
+    pub passes: usize,
 }
 
 /// Adds fresh parameters of the five networks. All but F_ψ begin with outputs of zero.
@@ -70,37 +84,40 @@ impl Ngf {
         Ok(Self { limits: limits.clone(), fourier, slope, bowl: config.bowl, rest })
     }
 
-    /// Accelerations, shape (B, DOF), for states and latents of a batch.
-    pub fn accelerations(
-        &self,
-        params: &Params,
-        states: &[JointState],
-        z: &[&[f32]],
-    ) -> Result<Tensor> {
-        Self::resolve(&self.outputs(params, states, z, Active::All)?, states)
-    }
-
-    /// What the networks say, as [`Head`] takes it: shape (B, PACKED).
-    pub fn outputs(
-        &self,
-        params: &Params,
-        states: &[JointState],
-        z: &[&[f32]],
-        active: Active,
-    ) -> Result<Tensor> {
-        let network = |part: usize| match active {
-            Active::All => self.apply(params, part, states, z),
-            Active::Potential => Self::untrained(part, states.len()),
+    /// Those of the networks that take part.
+    pub fn pieces(&self, active: Active) -> Vec<Piece> {
+        let takes_part = |piece: &Piece| active == Active::All || piece.part == POTENTIAL;
+        let mut end = 0;
+        let mut piece = |part: usize| {
+            let width = if part == POTENTIAL { DOF } else { PARTS[part].outputs };
+            end += width;
+            // Forward, and back by weight and by input; the slope of ψ goes back and forth once more.
+            let passes = if part == POTENTIAL { 6 } else { 3 };
+            Piece { part, columns: end - width..end, passes }
         };
-        let gradient = self.potential_gradient(params, states, z)?;
-        let packed = [network(0)?, network(2)?, network(1)?, gradient, network(4)?];
-        Ok(Tensor::cat(&packed, 1)?.contiguous()?)
+        // As `Head` takes them.
+        [0, 2, 1, POTENTIAL, 4].map(&mut piece).into_iter().filter(takes_part).collect()
     }
 
-    /// What a network of [`init`] says.
-    fn untrained(part: usize, rows: usize) -> Result<Tensor> {
-        let says = if part == PARTS.len() - 1 { FIRST_DAMPING } else { 0.0 };
-        Ok(Tensor::full(says, (rows, PARTS[part].outputs), &Device::Cpu)?)
+    /// What a network says, shape (B, columns of the piece); of F_ψ its slope ∂ψ/∂q.
+    pub fn output(
+        &self,
+        params: &Params,
+        piece: &Piece,
+        states: &[JointState],
+        z: &[&[f32]],
+    ) -> Result<Tensor> {
+        match piece.part {
+            POTENTIAL => self.potential_gradient(params, states, z),
+            part => self.apply(params, part, states, z),
+        }
+    }
+
+    /// What untrained networks say, a row as [`Head`] takes it: M = 2 I, χ = 0, constant damping.
+    pub fn silence() -> Vec<f32> {
+        let mut row = vec![0.0; PACKED];
+        row[PACKED - 1] = FIRST_DAMPING;
+        row
     }
 
     /// The fabric's accelerations, shape (B, DOF), from the networks' outputs.
@@ -117,18 +134,12 @@ impl Ngf {
         states: &[JointState],
         z: &[&[f32]],
     ) -> Result<Tensor> {
-        let (cos, sin) = self.features(part, states, z)?;
-        let features = Tensor::cat(&[cos, sin], 1)?;
+        let features = self.features(part, states, z)?.tensor()?;
         Ok(mlp(&features, params, PARTS[part].name, LAYERS, Activation::Elu)?)
     }
 
-    /// Cosines and sines, each (B, FREQUENCIES); constants of the graph.
-    fn features(
-        &self,
-        part: usize,
-        states: &[JointState],
-        z: &[&[f32]],
-    ) -> Result<(Tensor, Tensor)> {
+    /// The features of one of the networks.
+    fn features(&self, part: usize, states: &[JointState], z: &[&[f32]]) -> Result<Features> {
         let (fourier, frequencies) = &self.fourier[part];
         let x: Vec<f32> = states
             .iter()
@@ -136,8 +147,7 @@ impl Ngf {
             .flat_map(|(state, z)| inputs(&PARTS[part], &self.limits, state, z))
             .collect();
         let x = Tensor::from_vec(x, (states.len(), fourier.inputs), &Device::Cpu)?;
-        let phases = x.matmul(frequencies)?;
-        Ok((phases.cos()?, phases.sin()?))
+        Ok(Features::of(&x.matmul(frequencies)?)?)
     }
 
     /// ∂ψ/∂q, shape (B, DOF): back through the layers, the features and the normalisation.
@@ -148,8 +158,8 @@ impl Ngf {
         z: &[&[f32]],
     ) -> Result<Tensor> {
         let name = PARTS[POTENTIAL].name;
-        let (cos, sin) = self.features(POTENTIAL, states, z)?;
-        let mut h = Tensor::cat(&[&cos, &sin], 1)?;
+        let features = self.features(POTENTIAL, states, z)?;
+        let mut h = features.tensor()?;
         let mut slopes = Vec::new();
         for layer in 0..LAYERS - 1 {
             h = dense(&h, params, &format!("{name}.{layer}"), Some(Activation::Elu))?;
@@ -159,15 +169,13 @@ impl Ngf {
         let last = params.tensor(&format!("{name}.{}.weight", LAYERS - 1))?;
         let mut gradient = slopes[LAYERS - 2].broadcast_mul(&last.t()?)?;
         for layer in (0..LAYERS - 1).rev() {
-            let weight = params.tensor(&format!("{name}.{layer}.weight"))?;
-            gradient = gradient.matmul(&weight.t()?)?;
+            let (weight, slot) = params.weight(&format!("{name}.{layer}.weight"))?;
+            gradient = gradient.apply_op2(&weight, Transposed { slot })?;
             if layer > 0 {
                 gradient = (gradient * &slopes[layer - 1])?;
             }
         }
-        let of_cos = gradient.narrow(1, 0, FREQUENCIES)?;
-        let of_sin = gradient.narrow(1, FREQUENCIES, FREQUENCIES)?;
-        let of_phases = ((of_sin * &cos)? - (of_cos * &sin)?)?;
+        let of_phases = features.pull_back(&gradient)?;
         let frequencies = self.fourier[POTENTIAL].1.narrow(0, 0, DOF)?.t()?;
         let of_network = of_phases.matmul(&frequencies)?.broadcast_mul(&self.slope)?;
         let pulls: Vec<JointVector> =
@@ -187,19 +195,64 @@ mod tests {
     #[test]
     fn untrained_networks_say_what_is_said_for_them() {
         let tree = Tree::iiwa7_allegro().unwrap();
-        let config = NgfConfig { bowl: 450.0, ..NgfConfig::tiny() };
         let mut params = Params::default();
+        let config = NgfConfig::tiny();
         init(&mut params, &config, &mut ChaCha8Rng::seed_from_u64(9)).unwrap();
         let network = Ngf::new(&config, LATENT, &tree.limits).unwrap();
         let state = JointState {
             q: JointVector::from_fn(|i, _| 0.1 * i as f64),
             qd: JointVector::from_element(0.3),
         };
-        let z = [0.5; LATENT];
-        let says = |active| {
-            let outputs = network.outputs(&params, &[state], &[&z], active).unwrap();
-            outputs.to_vec2::<f32>().unwrap().remove(0)
+        let silence = Ngf::silence();
+        let mut end = 0;
+        for piece in network.pieces(Active::All) {
+            assert_eq!(piece.columns.start, end);
+            end = piece.columns.end;
+            let says = network.output(&params, &piece, &[state], &[&[0.5; LATENT]]).unwrap();
+            let says = says.to_vec2::<f32>().unwrap().remove(0);
+            let is_silent = says == silence[piece.columns.clone()];
+            assert_eq!(is_silent, network.pieces(Active::Potential) != [piece]);
+        }
+        assert_eq!(end, PACKED);
+    }
+
+    #[test]
+    fn what_is_left_in_slots_is_what_the_tape_finds() {
+        let tree = Tree::iiwa7_allegro().unwrap();
+        let config = NgfConfig::tiny();
+        let mut params = Params::default();
+        init(&mut params, &config, &mut ChaCha8Rng::seed_from_u64(2)).unwrap();
+        let wave = |k: usize| 0.2 * libm::sinf((k * k % 1013) as f32);
+        params.set_values(&(0..params.count()).map(wave).collect::<Vec<_>>()).unwrap();
+        let network = Ngf::new(&config, LATENT, &tree.limits).unwrap();
+        let state = |k: usize| JointState {
+            q: JointVector::from_fn(|i, _| libm::sin((3 * k + i) as f64)),
+            qd: JointVector::from_fn(|i, _| libm::cos((k + 2 * i) as f64)),
         };
-        assert_eq!(says(Active::All), says(Active::Potential));
+        let (states, z) = ([state(0), state(1)], [0.3; LATENT]);
+        let gradients = |params: &Params| {
+            let output = |piece| network.output(params, piece, &states, &[&z, &z]).unwrap();
+            let outputs: Vec<Tensor> = network.pieces(Active::All).iter().map(output).collect();
+            let packed = Tensor::cat(&outputs, 1).unwrap().contiguous().unwrap();
+            let made = Ngf::resolve(&packed, &states).unwrap();
+            let store = made.sqr().unwrap().mean_all().unwrap().backward().unwrap();
+            params.gradients(&store)
+        };
+        let (of_tape, of_slots) = (gradients(&params), gradients(&params.of_shard()));
+        for (name, (tape, slot)) in params.names().zip(of_tape.iter().zip(&of_slots)) {
+            let values = |g: &Option<Tensor>| {
+                let flat = g.as_ref().map(|g| g.flatten_all().unwrap());
+                flat.map(|g| g.to_vec1::<f32>().unwrap())
+            };
+            let (Some(tape), Some(slot)) = (values(tape), values(slot)) else {
+                // ψ itself is not needed: only its slope is.
+                assert_eq!(name, "potential.3.bias");
+                assert!(tape.is_none() && slot.is_none());
+                continue;
+            };
+            let size = tape.iter().map(|g| g.abs()).fold(0.0, f32::max);
+            let off = tape.iter().zip(&slot).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+            assert!(size > 0.0 && off <= 1e-5 * size, "{name}: {off} of {size}");
+        }
     }
 }

@@ -1,5 +1,6 @@
 //! Trainable parameters: named tensors that shards share while each keeps its own gradients.
 
+use super::slot::Slot;
 use anyhow::Result;
 use candle_core::backprop::GradStore;
 use candle_core::{Device, Tensor, Var};
@@ -13,6 +14,8 @@ use std::collections::{BTreeMap, HashMap};
 #[derive(Default)]
 pub struct Params {
     vars: BTreeMap<String, Var>,
+    /// Of a shard: where layers leave the gradients of their weights.
+    slots: BTreeMap<String, Slot>,
 }
 
 impl Params {
@@ -52,6 +55,22 @@ impl Params {
         }
     }
 
+    /// The same parameters for one shard, which differentiates by them on its own.
+    pub fn of_shard(&self) -> Self {
+        let slots = self.vars.keys().map(|name| (name.clone(), Slot::default())).collect();
+        Self { vars: self.vars.clone(), slots }
+    }
+
+    /// A weight for an operation that leaves its gradient in the slot, if there is one, and the tape knows nothing of
+    /// it then.
+    pub(crate) fn weight(&self, name: &str) -> candle_core::Result<(Tensor, Option<Slot>)> {
+        let weight = self.tensor(name)?;
+        Ok(match self.slots.get(name) {
+            Some(slot) => (weight.detach(), Some(slot.clone())),
+            None => (weight.clone(), None),
+        })
+    }
+
     /// The names of the parameters, in order.
     pub fn names(&self) -> impl Iterator<Item = &str> {
         self.vars.keys().map(String::as_str)
@@ -82,9 +101,13 @@ impl Params {
         Ok(())
     }
 
-    /// The gradient of each parameter; `None` where the loss does not depend on it.
+    /// The gradient of each parameter after a backward pass; `None` where the loss does not depend on it.
     pub fn gradients(&self, store: &GradStore) -> Vec<Option<Tensor>> {
-        self.vars.values().map(|var| store.get(var).cloned()).collect()
+        let gradient = |(name, var): (&String, &Var)| {
+            let left = self.slots.get(name).and_then(Slot::take);
+            left.or_else(|| store.get(var).cloned())
+        };
+        self.vars.iter().map(gradient).collect()
     }
 
     /// The parameters one by one.

@@ -1,6 +1,7 @@
 //! The autoencoder, and what it is worth afterwards.
 
 use super::Run;
+use super::log::Log;
 use anyhow::Result;
 use dataset::Dataset;
 use dataset::generate::built_in_object;
@@ -14,7 +15,6 @@ use imitation::training::TrainedEncoder;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use std::path::Path;
-use std::time::Instant;
 
 /// Trains and examines it.
 pub(super) fn train(run: &Run) -> Result<()> {
@@ -23,12 +23,10 @@ pub(super) fn train(run: &Run) -> Result<()> {
     config.steps = run.steps.unwrap_or(config.steps);
     config.batch = run.batch.unwrap_or(config.batch);
     config.rate = run.rate.unwrap_or(config.rate);
-    let began = Instant::now();
+    config.span = run.checkpoint.map_or(config.span, |steps| steps as u64);
     let dataset = Dataset::open(&run.data)?;
-    autoencoder::train(&dataset, &config, &run.out, &mut |step, steps, loss| {
-        let rate = step as f64 / began.elapsed().as_secs_f64();
-        println!("encoder {step}/{steps}  chamfer {loss:.5}  {rate:.1} steps/s since the start");
-    })?;
+    let mut log = Log::open(&run.out, "encoder", "chamfer", config.batch)?;
+    autoencoder::train(&dataset, &config, &run.out, &mut log)?;
     examine(&run.out, &dataset.config.encoder_objects)
 }
 

@@ -1,0 +1,114 @@
+//! Fourier features on a batch, and back through them; the twin of `policy::fourier`.
+
+use super::head::contiguous;
+use candle_core::{CpuStorage, CustomOp1, Device, Layout, Result, Shape, Tensor};
+use policy::fourier::{FEATURES, FREQUENCIES, sin_cos};
+use std::sync::Arc;
+
+/// Cosines, then sines of phases, row by row: constants of the tape.
+#[derive(Clone)]
+pub struct Features(Arc<Vec<f32>>);
+
+impl Features {
+    /// Of phases, shape (B, FREQUENCIES).
+    pub fn of(phases: &Tensor) -> Result<Self> {
+        let phases = phases.flatten_all()?.to_vec1::<f32>()?;
+        let mut features = vec![0.0; 2 * phases.len()];
+        let rows = features.chunks_exact_mut(FEATURES).zip(phases.chunks_exact(FREQUENCIES));
+        for (row, phases) in rows {
+            let (cosines, sines) = row.split_at_mut(FREQUENCIES);
+            for ((cosine, sine), phase) in cosines.iter_mut().zip(sines).zip(phases) {
+                (*sine, *cosine) = sin_cos(*phase);
+            }
+        }
+        Ok(Self(Arc::new(features)))
+    }
+
+    /// As a tensor, shape (B, FEATURES).
+    pub fn tensor(&self) -> Result<Tensor> {
+        Tensor::from_slice(&self.0, (self.0.len() / FEATURES, FEATURES), &Device::Cpu)
+    }
+
+    /// From a gradient with respect to the features (B, FEATURES) to that with respect to the phases
+    /// (B, FREQUENCIES).
+    pub fn pull_back(&self, of_features: &Tensor) -> Result<Tensor> {
+        of_features.contiguous()?.apply_op1(PullBack(self.clone()))
+    }
+}
+
+/// cos ⊙ ḡ_sin - sin ⊙ ḡ_cos.
+struct PullBack(Features);
+
+impl CustomOp1 for PullBack {
+    fn name(&self) -> &'static str {
+        "fourier-pull-back"
+    }
+
+    fn cpu_fwd(&self, storage: &CpuStorage, layout: &Layout) -> Result<(CpuStorage, Shape)> {
+        let of_features = contiguous(storage, layout)?;
+        let mut out = Vec::with_capacity(of_features.len() / 2);
+        let rows = self.0.0.chunks_exact(FEATURES).zip(of_features.chunks_exact(FEATURES));
+        for (features, gradient) in rows {
+            let (cosines, sines) = features.split_at(FREQUENCIES);
+            let (of_cosines, of_sines) = gradient.split_at(FREQUENCIES);
+            let along = cosines.iter().zip(of_sines).zip(sines.iter().zip(of_cosines));
+            out.extend(
+                along.map(|((cosine, of_sine), (sine, of_cosine))| {
+                    cosine * of_sine - sine * of_cosine
+                }),
+            );
+        }
+        let shape = Shape::from((out.len() / FREQUENCIES, FREQUENCIES));
+        Ok((CpuStorage::F32(out), shape))
+    }
+
+    fn bwd(&self, arg: &Tensor, _: &Tensor, gradient: &Tensor) -> Result<Option<Tensor>> {
+        let gradient = gradient.flatten_all()?.to_vec1::<f32>()?;
+        let mut out = vec![0.0; 2 * gradient.len()];
+        let rows = self.0.0.chunks_exact(FEATURES).zip(out.chunks_exact_mut(FEATURES));
+        for ((features, out), gradient) in rows.zip(gradient.chunks_exact(FREQUENCIES)) {
+            for (k, g) in gradient.iter().enumerate() {
+                out[k] = -features[FREQUENCIES + k] * g;
+                out[FREQUENCIES + k] = features[k] * g;
+            }
+        }
+        Ok(Some(Tensor::from_vec(out, arg.shape(), arg.device())?))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use candle_core::Var;
+
+    #[test]
+    fn pulling_back_is_the_transpose_of_pushing_forward() {
+        let wave =
+            |n: usize, by: f32| (0..n).map(|k| libm::sinf(by * k as f32)).collect::<Vec<_>>();
+        let phases = Tensor::from_vec(wave(2 * FREQUENCIES, 0.7), (2, FREQUENCIES), &Device::Cpu);
+        let phases = phases.unwrap();
+        let features = Features::of(&phases).unwrap();
+        let of_features = Var::from_vec(wave(2 * FEATURES, 1.3), (2, FEATURES), &Device::Cpu);
+        let of_features = of_features.unwrap();
+        let pulled = features.pull_back(&of_features).unwrap();
+        // By candle's own operations.
+        let [cosines, sines] = [phases.cos().unwrap(), phases.sin().unwrap()];
+        let both = Tensor::cat(&[&cosines, &sines], 1).unwrap();
+        let apart = |a: &Tensor, b: &Tensor| {
+            let off = (a - b).unwrap().abs().unwrap().max_all().unwrap();
+            off.to_scalar::<f32>().unwrap()
+        };
+        assert!(apart(&features.tensor().unwrap(), &both) < 1e-6);
+        let part = |first| of_features.narrow(1, first, FREQUENCIES).unwrap();
+        let wanted =
+            ((part(FREQUENCIES) * &cosines).unwrap() - (part(0) * &sines).unwrap()).unwrap();
+        assert!(apart(&pulled, &wanted) < 1e-6);
+        let weights = Tensor::from_vec(wave(2 * FREQUENCIES, 0.2), (2, FREQUENCIES), &Device::Cpu);
+        let weights = weights.unwrap();
+        let gradient = |made: &Tensor| {
+            let store = (made * &weights).unwrap().sum_all().unwrap().backward().unwrap();
+            store.get(&of_features).unwrap().clone()
+        };
+        assert!(apart(&gradient(&pulled), &gradient(&wanted)) < 1e-6);
+    }
+}

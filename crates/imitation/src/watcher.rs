@@ -1,0 +1,56 @@
+//! Who looks on while something is trained.
+
+use crate::nn::Params;
+use anyhow::Result;
+
+/// How far a training is.
+pub struct Progress<'a> {
+    /// Optimiser steps done, and those to do.
+    pub step: u64,
+    /// See `step`.
+    pub steps: u64,
+    /// Mean loss since the last call: of a policy in rad/s², of the autoencoder its Chamfer distance.
+    pub loss: f32,
+    /// Norm of the last gradient.
+    pub gradient: f32,
+    /// The parameters now.
+    pub params: &'a Params,
+}
+
+/// Is told how a training goes.
+pub trait Watcher {
+    /// Called every 50 steps. `false` stops the training: what came after the last checkpoint is done again when it
+    /// is resumed.
+    fn progress(&mut self, now: &Progress) -> Result<bool>;
+
+    /// Something went wrong that does not end the training.
+    fn warn(&mut self, _text: &str) {}
+}
+
+impl<F: FnMut(&Progress) -> Result<bool>> Watcher for F {
+    fn progress(&mut self, now: &Progress) -> Result<bool> {
+        self(now)
+    }
+}
+
+/// Averages the loss between two reports.
+#[derive(Default)]
+pub(crate) struct Reporter {
+    since: Vec<f32>,
+}
+
+/// Steps from report to report.
+const INTERVAL: u64 = 50;
+
+impl Reporter {
+    /// Notes the loss of a step, and reports where that is due; `false` is passed on.
+    pub(crate) fn note(&mut self, watcher: &mut dyn Watcher, now: Progress) -> Result<bool> {
+        self.since.push(now.loss);
+        if !now.step.is_multiple_of(INTERVAL) {
+            return Ok(true);
+        }
+        let loss = self.since.iter().sum::<f32>() / self.since.len() as f32;
+        self.since.clear();
+        watcher.progress(&Progress { loss, ..now })
+    }
+}

@@ -1,0 +1,121 @@
+//! What a policy can do while it is being trained: free roll-outs, stability, and attempts in physics.
+
+use anyhow::Result;
+use dataset::generate::built_in_object;
+use geometry::object::Object;
+use imitation::evaluation::evaluate;
+use imitation::lesson::Lesson;
+use imitation::training::{self, ModelFiles};
+use policy::weights::Tensors;
+use policy::{Network, PolicyConfig};
+use robot::Limits;
+use rollout::{Controller, Workcell, wilson95};
+use std::collections::BTreeMap;
+use std::fmt;
+
+/// Where and with what a policy is examined.
+pub(super) struct Exam {
+    workcell: Workcell,
+    /// Those of the dataset that are built in; a mesh of somebody's is no longer at hand.
+    objects: Vec<(String, Object)>,
+    threads: rayon::ThreadPool,
+}
+
+/// Lessons of which free roll-outs are made, spread over all objects.
+const LESSONS: usize = 60;
+
+/// Attempts, spread over all objects.
+const ATTEMPTS: usize = 24;
+
+/// Their first seed: published counts begin at 0.
+const FIRST_SEED: u64 = 1 << 40;
+
+/// What was found.
+#[derive(serde::Serialize)]
+pub(super) struct Found {
+    /// Distance (m) of the fingertips from where the demonstrations have them, after free roll-outs on poses that are
+    /// taught and on those that are held out.
+    fingertip_error_m: BTreeMap<&'static str, Spread>,
+    /// Greatest λ_max(B) + β (1/s) on held-out poses, of a fabric; 60 is the edge of stability.
+    greatest_damping: Option<f64>,
+    /// Attempts by the protocol, and those that lifted.
+    attempts: usize,
+    lifted: usize,
+}
+
+/// Median and 9 of 10.
+#[derive(serde::Serialize)]
+struct Spread {
+    median: f64,
+    p90: f64,
+}
+
+impl Exam {
+    pub(super) fn new(names: &[String], threads: usize) -> Result<Self> {
+        let known = |name: &String| Some((name.clone(), built_in_object(name).ok()?));
+        Ok(Self {
+            workcell: Workcell::new()?,
+            objects: names.iter().filter_map(known).collect(),
+            threads: rayon::ThreadPoolBuilder::new().num_threads(threads).build()?,
+        })
+    }
+
+    /// The robot's joint limits.
+    pub(super) fn limits(&self) -> &Limits {
+        &self.workcell.robot.tree.limits
+    }
+
+    /// Examines the model of these files.
+    pub(super) fn take(
+        &mut self,
+        config: &PolicyConfig,
+        files: &ModelFiles,
+        lessons: [(&'static str, &[Lesson]); 2],
+    ) -> Result<Found> {
+        let tree = &self.workcell.robot.tree;
+        let network = Network::load(&Tensors::parse(&files.weights)?, config, &tree.limits)?;
+        let mut fingertip_error_m = BTreeMap::new();
+        let mut greatest_damping = None;
+        for (label, lessons) in lessons {
+            let every = lessons.len().div_ceil(LESSONS).max(1);
+            let shown: Vec<&Lesson> = lessons.iter().step_by(every).collect();
+            let errors =
+                self.threads.install(|| training::fingertip_errors(tree, &network, &shown));
+            let at = |share: usize| errors.get(errors.len() * share / 10).copied();
+            if let (Some(median), Some(p90)) = (at(5), at(9)) {
+                fingertip_error_m.insert(label, Spread { median, p90 });
+            }
+            greatest_damping =
+                self.threads.install(|| training::greatest_damping(&network, &shown));
+        }
+        self.workcell.load_model(&files.weights, &files.starts, &files.config)?;
+        let (mut attempts, mut lifted) = (0, 0);
+        for (i, (name, object)) in self.objects.iter().enumerate() {
+            // As even a share for each object as there is.
+            let [first, end] = [i, i + 1].map(|k| k * ATTEMPTS / self.objects.len());
+            let seeds = FIRST_SEED + first as u64..FIRST_SEED + end as u64;
+            let controller = Controller::Policy;
+            let report = self.threads.install(|| {
+                evaluate(&self.workcell, object, name, &controller, None, seeds, &|_| Ok(()))
+            })?;
+            attempts += report.attempts;
+            lifted += report.lifted;
+        }
+        Ok(Found { fingertip_error_m, greatest_damping, attempts, lifted })
+    }
+}
+
+impl fmt::Display for Found {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        let [low, high] = wilson95(self.lifted, self.attempts).map(|x| 100.0 * x);
+        write!(f, "  {} of {} lifted ({low:.0}..{high:.0} %)", self.lifted, self.attempts)?;
+        for (label, Spread { median, p90 }) in &self.fingertip_error_m {
+            let [mm, mm90] = [median, p90].map(|x| 1e3 * x);
+            write!(f, "; {label}: fingertips off by {mm:.1} mm (median), {mm90:.1} mm (p90)")?;
+        }
+        match self.greatest_damping {
+            Some(damping) => write!(f, "; damping up to {damping:.1} of 60 /s"),
+            None => Ok(()),
+        }
+    }
+}

@@ -1,0 +1,72 @@
+//! What a training says about itself: on the terminal, and in a file of JSON lines.
+
+use anyhow::{Context, Result};
+use imitation::watcher::{Progress, Watcher};
+use serde_json::{Value, json};
+use std::fs::{File, OpenOptions};
+use std::io::Write;
+use std::path::Path;
+use std::time::Instant;
+
+/// The log of a training.
+pub(super) struct Log {
+    file: File,
+    name: &'static str,
+    /// What the loss is called, with its unit.
+    loss: &'static str,
+    /// States or clouds of a step.
+    batch: usize,
+    began: Instant,
+    /// The first step that was reported.
+    first: Option<u64>,
+}
+
+impl Log {
+    /// Goes on with `name.log.jsonl` in a folder.
+    pub(super) fn open(
+        out: &Path,
+        name: &'static str,
+        loss: &'static str,
+        batch: usize,
+    ) -> Result<Self> {
+        std::fs::create_dir_all(out).with_context(|| format!("cannot make {}", out.display()))?;
+        let path = out.join(format!("{name}.log.jsonl"));
+        let file = OpenOptions::new().create(true).append(true).open(&path);
+        let file = file.with_context(|| format!("cannot write {}", path.display()))?;
+        Ok(Self { file, name, loss, batch, began: Instant::now(), first: None })
+    }
+
+    /// How far it is, and how fast.
+    fn report(&mut self, now: &Progress) -> Result<()> {
+        let first = *self.first.get_or_insert(now.step);
+        let rate = (now.step - first) as f64 / self.began.elapsed().as_secs_f64();
+        // There is none before the second report.
+        let left = (rate > 0.0).then(|| (now.steps - now.step) as f64 / rate);
+        let minutes = left.map_or(String::new(), |left| format!("  {:.0} min left", left / 60.0));
+        let Progress { step, steps, loss, .. } = now;
+        println!(
+            "{} {step}/{steps}  {} {loss:.5}  {rate:.1} steps/s{minutes}",
+            self.name, self.loss
+        );
+        self.write(&json!({
+            "step": step, "loss": loss, "gradient_norm": now.gradient,
+            "samples_per_s": rate * self.batch as f64, "seconds_left": left,
+        }))
+    }
+
+    /// A line of its own.
+    pub(super) fn write(&mut self, line: &Value) -> Result<()> {
+        Ok(writeln!(self.file, "{line}")?)
+    }
+}
+
+impl Watcher for Log {
+    fn progress(&mut self, now: &Progress) -> Result<bool> {
+        self.report(now)?;
+        Ok(true)
+    }
+
+    fn warn(&mut self, text: &str) {
+        eprintln!("warning: {text}");
+    }
+}

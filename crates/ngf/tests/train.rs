@@ -1,0 +1,89 @@
+//! `ngf train` as a process: killed at random moments and resumed, with checkpoints that are damaged.
+
+#![allow(clippy::unwrap_used, reason = "a helper of a test fails by panicking too")]
+
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use std::path::Path;
+use std::process::{Command, Output, Stdio};
+use std::time::Duration;
+
+fn ngf(words: &[&str], data: &Path, out: &Path) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_ngf"));
+    command.args(words).arg("--data").arg(data).arg("--out").arg(out);
+    command.stdout(Stdio::null()).stderr(Stdio::piped());
+    command
+}
+
+/// Trains an encoder or a policy of full size for a few small steps.
+fn train(what: &str, data: &Path, out: &Path) -> Command {
+    let steps = if what == "encoder" { "60" } else { "30" };
+    let words = ["train", what, "--batch", "4", "--checkpoint", "4", "--steps", steps];
+    ngf(&words, data, out)
+}
+
+fn succeeded(mut command: Command) -> Output {
+    let output = command.output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    output
+}
+
+/// Kills it thrice, each time at a random moment after it has written a checkpoint, and then lets it end; gives how often
+/// it was killed.
+fn disturbed(what: &str, data: &Path, out: &Path) -> usize {
+    let mut rng = ChaCha8Rng::seed_from_u64(what.len() as u64);
+    let checkpoint = out.join(format!("{what}.checkpoint.safetensors"));
+    let written = || std::fs::metadata(&checkpoint).and_then(|file| file.modified()).ok();
+    for kills in 0..3 {
+        let before = written();
+        let mut child = train(what, data, out).spawn().unwrap();
+        while written() == before || written().is_none() {
+            if child.try_wait().unwrap().is_some() {
+                return kills;
+            }
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        std::thread::sleep(Duration::from_millis(rng.random_range(0..200)));
+        child.kill().unwrap();
+        child.wait().unwrap();
+    }
+    succeeded(train(what, data, out));
+    3
+}
+
+#[test]
+fn killed_and_resumed_it_ends_in_the_same_weights() {
+    let folder = tempfile::tempdir().unwrap();
+    let [data, whole, killed] = ["data", "whole", "killed"].map(|name| folder.path().join(name));
+    let mut dataset = Command::new(env!("CARGO_BIN_EXE_ngf"));
+    dataset.args(["dataset", "--preset", "smoke", "--out"]).arg(&data);
+    succeeded(dataset);
+    for (what, files) in [
+        ("encoder", &["encoder.safetensors", "latent.safetensors"][..]),
+        ("policy", &["weights.safetensors", "starts.safetensors", "config.json"][..]),
+    ] {
+        succeeded(train(what, &data, &whole));
+        let kills = disturbed(what, &data, &killed);
+        assert!(kills >= 2, "{what}: killed {kills} times only");
+        for file in files {
+            let [a, b] = [&whole, &killed].map(|dir| std::fs::read(dir.join(file)).unwrap());
+            assert!(a == b, "{what}, killed {kills} times: {file} differs");
+        }
+    }
+
+    // The last checkpoint is cut short: the one before it is used, and its steps are taken again.
+    let checkpoint = killed.join("policy.checkpoint.safetensors");
+    let bytes = std::fs::read(&checkpoint).unwrap();
+    std::fs::write(&checkpoint, &bytes[..bytes.len() - 7]).unwrap();
+    let said = succeeded(train("policy", &data, &killed)).stderr;
+    let said = String::from_utf8_lossy(&said).into_owned();
+    assert!(said.contains("is damaged") && said.contains("of step 28"), "{said}");
+    let [a, b] = [&whole, &killed].map(|dir| std::fs::read(dir.join("weights.safetensors")));
+    assert!(a.unwrap() == b.unwrap(), "the steps that were taken again differ");
+
+    // Neither of the two is of use to another training.
+    let mut other = train("policy", &data, &killed);
+    let refused = other.args(["--rate", "0.001"]).output().unwrap();
+    let said = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert!(!refused.status.success() && said.contains("other settings (rate)"), "{said}");
+}
