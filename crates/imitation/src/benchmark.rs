@@ -66,11 +66,7 @@ fn ngf(config: &DaggerConfig) -> Result<f64> {
     let loss = |_: Range<usize>, response: &Response| {
         let off = (&response.accelerations - 1.0)?;
         let shown = (off.sqr()?.sum(1)? + 1e-6)?.sqrt()?.mean_all()?;
-        let whole = match &response.metrics {
-            Some(metrics) => (&shown + metrics * config.metric_weight)?,
-            None => shown.clone(),
-        };
-        Ok(Loss { shown, whole })
+        Loss::with_metrics(shown, response, config.metric_weight)
     };
     time(|| {
         let outcome =

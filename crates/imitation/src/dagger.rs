@@ -262,11 +262,7 @@ fn examine(
         let off = (&response.accelerations - wanted)?.broadcast_mul(&weights)?;
         // The small addend keeps the norm's gradient finite where policy and expert agree.
         let shown = (off.sqr()?.sum(1)? + 1e-6)?.sqrt()?.mean_all()?;
-        let whole = match &response.metrics {
-            Some(metrics) => (&shown + metrics * config.metric_weight)?,
-            None => shown.clone(),
-        };
-        Ok(Loss { shown, whole })
+        Loss::with_metrics(shown, response, config.metric_weight)
     };
     step::differentiate(network, params, &batch, active, config.shards, &loss)
 }

@@ -28,6 +28,17 @@ pub struct Loss {
     pub whole: Tensor,
 }
 
+impl Loss {
+    /// A loss, and `weight` times what the metrics add to it where a fabric acts.
+    pub fn with_metrics(shown: Tensor, response: &Response, weight: f64) -> Result<Self> {
+        let whole = match &response.metrics {
+            Some(metrics) => (&shown + metrics * weight)?,
+            None => shown.clone(),
+        };
+        Ok(Self { shown, whole })
+    }
+}
+
 /// What a step begins with.
 pub struct Outcome {
     /// Mean loss.

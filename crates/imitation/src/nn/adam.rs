@@ -50,7 +50,7 @@ impl AdamW {
         Self { first: vec![0.0; count], second: vec![0.0; count], steps: 0, decay }
     }
 
-    /// One step along `gradients`, clipped to norm `clip`. Gives the norm before clipping; if that is not finite,
+    /// One step along `gradients`, clipped to norm `clip`, on `threads` threads. Gives the norm before clipping; if that is not finite,
     /// nothing is changed.
     pub fn step(
         &mut self,

@@ -75,19 +75,19 @@ impl Exam {
         let tree = &self.workcell.robot.tree;
         let network = Network::load(&Tensors::parse(&files.weights)?, config, &tree.limits)?;
         let mut fingertip_error_m = BTreeMap::new();
-        let mut greatest_damping = None;
         for (label, lessons) in lessons {
-            let every = lessons.len().div_ceil(LESSONS).max(1);
-            let shown: Vec<&Lesson> = lessons.iter().step_by(every).collect();
+            let shown = spread(lessons);
             let errors =
                 self.threads.install(|| training::fingertip_errors(tree, &network, &shown));
             let at = |share: usize| errors.get(errors.len() * share / 10).copied();
             if let (Some(median), Some(p90)) = (at(5), at(9)) {
                 fingertip_error_m.insert(label, Spread { median, p90 });
             }
-            greatest_damping =
-                self.threads.install(|| training::greatest_damping(&network, &shown));
         }
+        let [_, (_, held_out)] = lessons;
+        let held_out = spread(held_out);
+        let greatest_damping =
+            self.threads.install(|| training::greatest_damping(&network, &held_out));
         self.workcell.load_model(&files.weights, &files.starts, &files.config)?;
         let (mut attempts, mut lifted) = (0, 0);
         for (i, (name, object)) in self.objects.iter().enumerate() {
@@ -103,6 +103,11 @@ impl Exam {
         }
         Ok(Found { fingertip_error_m, greatest_damping, attempts, lifted })
     }
+}
+
+/// As many lessons as are looked at, evenly out of all.
+fn spread(lessons: &[Lesson]) -> Vec<&Lesson> {
+    lessons.iter().step_by(lessons.len().div_ceil(LESSONS).max(1)).collect()
 }
 
 impl fmt::Display for Found {
