@@ -201,7 +201,7 @@ fn the_encoder_is_that_of_pytorch() {
     assert_close("z in training", &row, &wanted);
     let made = autoencoder::decode(&params, &trained).unwrap();
     let targets = autoencoder::targets(&[&flat]).unwrap();
-    let loss = made.apply_op2(&targets, Chamfer).unwrap().sum_all().unwrap();
+    let loss = made.apply_op2(&targets, Chamfer::default()).unwrap().sum_all().unwrap();
     let chamfer = [loss.to_scalar::<f32>().unwrap() as f64];
     assert_close("chamfer", &chamfer, &[golden["chamfer"].as_f64().unwrap()]);
     assert_gradients(&Gradient::of(&loss, &params).unwrap(), &params, &golden["gradients"]);

@@ -25,7 +25,7 @@ pub struct AutoencoderConfig {
     pub steps: u64,
     /// Clouds a step, over all shards.
     pub batch: usize,
-    /// Shards, one thread each.
+    /// Threads.
     pub shards: usize,
     /// Peak learning rate.
     pub rate: f32,
@@ -86,6 +86,9 @@ impl AutoencoderConfig {
 /// Spread along an axis, as a share of the largest one, below which an axis is taken for noise.
 const LEAST_SPREAD: f64 = 0.05;
 
+/// Clouds that are differentiated at once: what lies between the layers then stays in the cache.
+pub(crate) const PIECE: usize = 4;
+
 /// Clouds at most from which the whitening is computed.
 const WHITENED: usize = 20_000;
 
@@ -117,7 +120,8 @@ pub fn train(
         let mut rng = ChaCha8Rng::seed_from_u64(config.seed ^ (adam.steps + 1) << 20);
         let batch: Vec<&Example> =
             (0..config.batch).map(|_| &examples[rng.random_range(0..examples.len())]).collect();
-        let gradients = differentiate(&batch, config.shards, |part| loss(&params, part, config))?;
+        let gradients =
+            differentiate(&batch, PIECE, config.shards, |part| loss(&params, part, config))?;
         let rate = schedule(adam.steps, 200, config.steps, config.rate);
         let norm = adam.step(&params, &gradients, rate, 1.0, config.shards)?;
         if !norm.is_finite() {
@@ -151,7 +155,7 @@ pub fn loss(
     let clouds: Vec<&[f32]> = examples.iter().map(|example| example.cloud.as_slice()).collect();
     let z = twin::encode(params, &clouds)?;
     let made = twin::decode(params, &z)?;
-    let chamfer = made.apply_op2(&twin::targets(&clouds)?, Chamfer)?.mean_all()?;
+    let chamfer = made.apply_op2(&twin::targets(&clouds)?, Chamfer::default())?.mean_all()?;
     let size = (z.sqr()?.mean_all()? * config.latent_weight)?;
     let wanted = examples.iter().flat_map(|example| example.moments).collect::<Vec<f32>>();
     let wanted = Tensor::from_vec(wanted, (examples.len(), MOMENTS), &Device::Cpu)?;

@@ -133,8 +133,9 @@ fn encoder(config: &AutoencoderConfig) -> Result<f64> {
         (0..config.batch).map(|_| Example { cloud: cloud(), moments: [0.0; MOMENTS] }).collect();
     let batch: Vec<&Example> = examples.iter().collect();
     time(|| {
-        let gradients =
-            differentiate(&batch, config.shards, |part| autoencoder::loss(&params, part, config))?;
+        let gradients = differentiate(&batch, autoencoder::PIECE, config.shards, |part| {
+            autoencoder::loss(&params, part, config)
+        })?;
         adam.step(&params, &gradients, config.rate, 1.0, config.shards)?;
         Ok(())
     })

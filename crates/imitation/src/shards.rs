@@ -67,17 +67,17 @@ pub fn over_threads<T: Sync, R: Send>(
     Ok(results.into_iter().map(|(_, result)| result).collect())
 }
 
-/// Splits `batch` into `shards` parts, one thread each.
+/// Splits `batch` into parts of `size`, which the threads share out: the result does not depend on their number.
 pub fn differentiate<T: Sync>(
     batch: &[T],
-    shards: usize,
+    size: usize,
+    threads: usize,
     gradient: impl Fn(&[T]) -> Result<Gradient> + Sync,
 ) -> Result<Gradients> {
-    let size = batch.len().div_ceil(shards.max(1)).max(1);
-    let parts: Vec<&[T]> = batch.chunks(size).collect();
+    let parts: Vec<&[T]> = batch.chunks(size.max(1)).collect();
     let share = |part: &[T]| part.len() as f32 / batch.len() as f32;
     let of_part = |part: &&[T]| Ok((share(part), gradient(part)?));
-    Ok(Gradients { shards: over_threads(&parts, shards, |part| part.len(), of_part)? })
+    Ok(Gradients { shards: over_threads(&parts, threads, |part| part.len(), of_part)? })
 }
 
 #[cfg(test)]
@@ -100,7 +100,7 @@ mod tests {
             let loss = part.iter().sum::<f32>() / part.len() as f32;
             Ok(Gradient { loss, of_params: Vec::new() })
         };
-        let gradients = differentiate(&[1.0, 2.0, 6.0], 2, mean).unwrap();
+        let gradients = differentiate(&[1.0, 2.0, 6.0], 2, 2, mean).unwrap();
         assert_eq!(gradients.shards.len(), 2);
         assert!((gradients.loss() - 3.0).abs() < 1e-6);
     }

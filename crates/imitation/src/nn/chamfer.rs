@@ -2,11 +2,15 @@
 
 use super::head::contiguous;
 use candle_core::{CpuStorage, CustomOp2, Layout, Result, Shape, Tensor};
+use std::sync::Mutex;
 
 /// Mean squared distance to the nearest point, both ways: clouds (B, N, 3) and (B, M, 3) to (B).
 ///
-/// Only the first cloud gets a gradient.
-pub struct Chamfer;
+/// Only the first cloud gets a gradient; it is found together with the distance and kept until it is asked for.
+#[derive(Default)]
+pub struct Chamfer {
+    gradient: Mutex<Vec<f32>>,
+}
 
 impl CustomOp2 for Chamfer {
     fn name(&self) -> &'static str {
@@ -22,66 +26,82 @@ impl CustomOp2 for Chamfer {
     ) -> Result<(CpuStorage, Shape)> {
         let (made, wanted) = (contiguous(s1, l1)?, contiguous(s2, l2)?);
         let batch = l1.dims()[0];
-        let pairs =
-            made.chunks_exact(made.len() / batch).zip(wanted.chunks_exact(wanted.len() / batch));
-        let distances: Vec<f32> = pairs
-            .map(|(a, b)| {
-                let mean = |from: &[f32], to: &[f32]| {
-                    let near = nearest(from, to);
-                    near.iter().map(|n| n.1).sum::<f32>() / near.len() as f32
-                };
-                mean(a, b) + mean(b, a)
-            })
+        let (size_a, size_b) = (made.len() / batch, wanted.len() / batch);
+        let mut gradient = vec![0.0; made.len()];
+        let pairs = made.chunks_exact(size_a).zip(wanted.chunks_exact(size_b));
+        let distances = pairs
+            .zip(gradient.chunks_exact_mut(size_a))
+            .map(|((a, b), gradient)| distance(a, b, gradient))
             .collect();
+        if let Ok(mut kept) = self.gradient.lock() {
+            *kept = gradient;
+        }
         Ok((CpuStorage::F32(distances), Shape::from(batch)))
     }
 
     fn bwd(
         &self,
         made: &Tensor,
-        wanted: &Tensor,
+        _: &Tensor,
         _: &Tensor,
         gradient: &Tensor,
     ) -> Result<(Option<Tensor>, Option<Tensor>)> {
-        let batch = made.dims()[0];
-        let a = made.flatten_all()?.to_vec1::<f32>()?;
-        let b = wanted.flatten_all()?.to_vec1::<f32>()?;
-        let scale = gradient.to_vec1::<f32>()?;
-        let mut out = vec![0.0; a.len()];
-        let (size_a, size_b) = (a.len() / batch, b.len() / batch);
-        for (i, scale) in scale.iter().enumerate() {
-            let (a, b) = (&a[i * size_a..(i + 1) * size_a], &b[i * size_b..(i + 1) * size_b]);
-            let out = &mut out[i * size_a..(i + 1) * size_a];
-            let mut push = |from: usize, to: usize, weight: f32| {
-                for k in 0..3 {
-                    out[3 * from + k] += weight * (a[3 * from + k] - b[3 * to + k]);
-                }
-            };
-            let (per_a, per_b) = (6.0 * scale / size_a as f32, 6.0 * scale / size_b as f32);
-            for (from, (to, _)) in nearest(a, b).into_iter().enumerate() {
-                push(from, to, per_a);
-            }
-            for (to, (from, _)) in nearest(b, a).into_iter().enumerate() {
-                push(from, to, per_b);
-            }
+        let kept = self.gradient.lock().map(|mut kept| std::mem::take(&mut *kept));
+        let kept = kept.unwrap_or_default();
+        if kept.len() != made.elem_count() {
+            candle_core::bail!("a Chamfer distance is differentiated once, where it was found");
         }
-        Ok((Some(Tensor::from_vec(out, made.shape(), made.device())?), None))
+        let of_made = Tensor::from_vec(kept, made.shape(), made.device())?;
+        let scale = gradient.reshape((made.dims()[0], 1, 1))?;
+        Ok((Some(of_made.broadcast_mul(&scale)?), None))
     }
 }
 
-/// For each point its nearest one in the other cloud, and the squared distance.
+/// The distance of two clouds, and its gradient to the first one.
+fn distance(a: &[f32], b: &[f32], gradient: &mut [f32]) -> f32 {
+    let (per_a, per_b) = (3.0 / a.len() as f32, 3.0 / b.len() as f32);
+    let mut sum = 0.0;
+    let mut pull = |from: usize, to: usize, share: f32, squared: f32| {
+        sum += share * squared;
+        for k in 0..3 {
+            gradient[3 * from + k] += 2.0 * share * (a[3 * from + k] - b[3 * to + k]);
+        }
+    };
+    for (from, (to, squared)) in nearest(a, b).into_iter().enumerate() {
+        pull(from, to, per_a, squared);
+    }
+    for (to, (from, squared)) in nearest(b, a).into_iter().enumerate() {
+        pull(from, to, per_b, squared);
+    }
+    sum
+}
+
+/// Points that are looked at at once.
+const LANES: usize = 8;
+
+/// For each point the first of the nearest ones in the other cloud, and the squared distance.
 fn nearest(from: &[f32], to: &[f32]) -> Vec<(usize, f32)> {
-    let axis = |k: usize| -> Vec<f32> { to.iter().skip(k).step_by(3).copied().collect() };
-    let (x, y, z) = (axis(0), axis(1), axis(2));
-    let mut distances = vec![0.0f32; x.len()];
+    let count = (to.len() / 3).next_multiple_of(LANES);
+    let mut axes = [0; 3].map(|_: usize| vec![f32::INFINITY; count]);
+    for (i, point) in to.chunks_exact(3).enumerate() {
+        (0..3).for_each(|k| axes[k][i] = point[k]);
+    }
+    let [x, y, z] = axes.each_ref().map(|axis| axis.as_chunks::<LANES>().0);
     from.chunks_exact(3)
         .map(|p| {
-            for (((d, x), y), z) in distances.iter_mut().zip(&x).zip(&y).zip(&z) {
-                let (dx, dy, dz) = (p[0] - x, p[1] - y, p[2] - z);
-                *d = dx * dx + dy * dy + dz * dz;
+            let (mut least, mut place) = ([f32::INFINITY; LANES], [0u32; LANES]);
+            for (block, ((x, y), z)) in x.iter().zip(y).zip(z).enumerate() {
+                for lane in 0..LANES {
+                    let (dx, dy, dz) = (p[0] - x[lane], p[1] - y[lane], p[2] - z[lane]);
+                    let squared = dx * dx + dy * dy + dz * dz;
+                    let is_nearer = squared < least[lane];
+                    least[lane] = if is_nearer { squared } else { least[lane] };
+                    place[lane] = if is_nearer { block as u32 } else { place[lane] };
+                }
             }
-            let least = distances.iter().copied().fold(f32::INFINITY, f32::min);
-            (distances.iter().position(|d| *d == least).unwrap_or(0), least)
+            let found = (0..LANES).map(|lane| (least[lane], place[lane] as usize * LANES + lane));
+            let first = found.min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+            first.map_or((0, f32::INFINITY), |(squared, i)| (i, squared))
         })
         .collect()
 }
@@ -99,8 +119,24 @@ mod tests {
     fn a_shifted_point_is_its_squared_distance_away_both_ways() {
         let a = Tensor::new(&[[[0.0f32, 0.0, 0.0]]], &Device::Cpu).unwrap();
         let b = Tensor::new(&[[[0.3f32, 0.4, 0.0]]], &Device::Cpu).unwrap();
-        let distance = a.apply_op2(&b, Chamfer).unwrap().to_vec1::<f32>().unwrap()[0];
+        let distance = a.apply_op2(&b, Chamfer::default()).unwrap().to_vec1::<f32>().unwrap()[0];
         assert!((distance - 0.5).abs() < 1e-6, "{distance}, wanted twice 0.25");
+    }
+
+    #[test]
+    fn the_first_of_the_nearest_points_is_found_however_many_there_are() {
+        for count in [1, 7, 8, 9, 31] {
+            let (a, mut b) = (cloud(20, 0.0), cloud(count, 0.1));
+            // The last point once more: the first of both counts.
+            b.extend_from_within(3 * (count - 1)..);
+            for (point, (i, squared)) in a.chunks_exact(3).zip(nearest(&a, &b)) {
+                let apart = |q: &[f32]| (0..3).map(|k| (point[k] - q[k]).powi(2)).sum::<f32>();
+                let all: Vec<f32> = b.chunks_exact(3).map(apart).collect();
+                let least = all.iter().copied().fold(f32::INFINITY, f32::min);
+                let first = all.iter().position(|d| *d == least).unwrap();
+                assert!(i == first && (squared - least).abs() < 1e-6, "{i}, wanted {first}");
+            }
+        }
     }
 
     #[test]
@@ -109,10 +145,10 @@ mod tests {
         let wanted = Tensor::from_vec(cloud(9, 0.2), (1, 9, 3), &Device::Cpu).unwrap();
         let value = |made: Vec<f32>| {
             let made = Tensor::from_vec(made, (1, 7, 3), &Device::Cpu).unwrap();
-            made.apply_op2(&wanted, Chamfer).unwrap().to_vec1::<f32>().unwrap()[0]
+            made.apply_op2(&wanted, Chamfer::default()).unwrap().to_vec1::<f32>().unwrap()[0]
         };
         let var = Var::from_vec(made.clone(), (1, 7, 3), &Device::Cpu).unwrap();
-        let loss = var.apply_op2(&wanted, Chamfer).unwrap().sum_all().unwrap();
+        let loss = var.apply_op2(&wanted, Chamfer::default()).unwrap().sum_all().unwrap();
         let store = loss.backward().unwrap();
         let gradient = store.get(&var).unwrap().flatten_all().unwrap().to_vec1::<f32>().unwrap();
         for k in 0..made.len() {
