@@ -23,7 +23,7 @@ use std::path::Path;
 pub struct AutoencoderConfig {
     /// Optimiser steps.
     pub steps: u64,
-    /// Clouds a step, over all shards.
+    /// Clouds a step.
     pub batch: usize,
     /// Threads.
     pub shards: usize,

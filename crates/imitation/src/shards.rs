@@ -100,8 +100,10 @@ mod tests {
             let loss = part.iter().sum::<f32>() / part.len() as f32;
             Ok(Gradient { loss, of_params: Vec::new() })
         };
-        let gradients = differentiate(&[1.0, 2.0, 6.0], 2, 2, mean).unwrap();
-        assert_eq!(gradients.shards.len(), 2);
-        assert!((gradients.loss() - 3.0).abs() < 1e-6);
+        for threads in 1..4 {
+            let gradients = differentiate(&[1.0, 2.0, 6.0], 2, threads, mean).unwrap();
+            assert_eq!(gradients.shards.len(), 2, "on {threads} threads");
+            assert!((gradients.loss() - 3.0).abs() < 1e-6);
+        }
     }
 }

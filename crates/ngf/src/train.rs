@@ -30,7 +30,7 @@ pub(crate) struct Run {
     /// Optimiser steps instead of the standard number.
     #[arg(long)]
     steps: Option<u64>,
-    /// Threads, one shard of the batch each.
+    /// Threads.
     #[arg(long, default_value_t = 2, value_parser = at_least_one)]
     threads: usize,
     /// Seed of weights and batches.

@@ -82,7 +82,7 @@ const LANES: usize = 8;
 /// For each point the first of the nearest ones in the other cloud, and the squared distance.
 fn nearest(from: &[f32], to: &[f32]) -> Vec<(usize, f32)> {
     let count = (to.len() / 3).next_multiple_of(LANES);
-    let mut axes = [0; 3].map(|_: usize| vec![f32::INFINITY; count]);
+    let mut axes = [(); 3].map(|()| vec![f32::INFINITY; count]);
     for (i, point) in to.chunks_exact(3).enumerate() {
         (0..3).for_each(|k| axes[k][i] = point[k]);
     }
