@@ -36,8 +36,8 @@ fn a_tiny_model_is_made_and_acts() {
     let steps =
         DaggerConfig { steps: 50, batch: 8, ..DaggerConfig::standard(PolicyConfig::tiny()) };
     let mut losses = Vec::new();
-    let limits = &robot.tree.limits;
-    let params = dagger::train(&taught, limits, &steps, None, &out, &mut |now: &Progress| {
+    let tree = &robot.tree;
+    let params = dagger::train(&taught, tree, &steps, None, &out, &mut |now: &Progress| {
         losses.push(now.loss);
         Ok(true)
     })
@@ -50,7 +50,7 @@ fn a_tiny_model_is_made_and_acts() {
     let longer = DaggerConfig { steps: 100, span: 20, ..steps.clone() };
     let train = |stop: bool, out: &Path| {
         let mut progress = |_: &Progress| Ok(!stop);
-        dagger::train(&taught, limits, &longer, None, out, &mut progress).unwrap().values().unwrap()
+        dagger::train(&taught, tree, &longer, None, out, &mut progress).unwrap().values().unwrap()
     };
     train(true, &stopped);
     let resumed = train(false, &stopped);
@@ -60,14 +60,10 @@ fn a_tiny_model_is_made_and_acts() {
     let weights = std::fs::read(out.join("weights.safetensors")).unwrap();
     let no_steps = DaggerConfig { steps: 0, ..steps };
     let elsewhere = folder.path().join("again");
-    let again = dagger::train(
-        &taught,
-        limits,
-        &no_steps,
-        Some(&weights),
-        &elsewhere,
-        &mut |_: &Progress| Ok(true),
-    );
+    let again =
+        dagger::train(&taught, tree, &no_steps, Some(&weights), &elsewhere, &mut |_: &Progress| {
+            Ok(true)
+        });
     let pairs = params.values().unwrap().into_iter().zip(again.unwrap().values().unwrap());
     assert!(pairs.into_iter().all(|(a, b)| (a - b).abs() <= 1e-3 * a.abs() + 1e-6));
 

@@ -19,11 +19,11 @@ pub struct PlannerConfig {
 }
 
 impl PlannerConfig {
-    /// Rows at the policy's 30 Hz (paper §III-D), 4 s at most; tolerances are ours.
+    /// Rows at the policy's 30 Hz (paper §III-D), 8 s at most; tolerances are ours.
     pub fn demonstration() -> Self {
         Self {
             dt: 1.0 / 30.0,
-            seconds: 4.0,
+            seconds: 8.0,
             position_tolerance: 0.01,
             angle_tolerance: 0.09,
             rest_speed: 0.1,

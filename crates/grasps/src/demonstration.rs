@@ -63,6 +63,10 @@ pub const MOST_CLEARANCE: f32 = 0.05;
 pub struct TrajectoryConfig {
     /// Gap (m) of the fingertips at which the palm begins to leave.
     pub clear: f32,
+    /// By how much less (rad) the fingers are bent on the way than where a grasp opens.
+    pub widen: f64,
+    /// Distance (m) that the palm leaves straight back before it turns to its target.
+    pub retreat: f64,
     /// Least distance (m) of the start palm from the grasp.
     pub least_distance: f64,
     /// Deepest penetration (m) allowed before `touch`.
@@ -83,7 +87,9 @@ impl TrajectoryConfig {
     /// Our values, where the paper is silent.
     pub fn standard() -> Self {
         Self {
-            clear: 0.005,
+            clear: 0.02,
+            widen: 0.3,
+            retreat: 0.08,
             least_distance: 0.08,
             penetration: 0.001,
             closing_rows: 10,
@@ -188,7 +194,21 @@ fn checked(
     Ok(demonstration)
 }
 
-/// The motion out of the grasp: fingers open first, then the palm leaves.
+/// Where a motion out of a grasp is.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Stage {
+    /// The fingers open.
+    Open,
+    /// The palm goes straight back.
+    Retreat,
+    /// It goes to its target.
+    Leave,
+}
+
+/// The motion out of the grasp: fingers open first, then the palm goes straight back, then to its target.
+///
+/// Reversed, the hand comes wide open and straight at the object: a policy is some 10 mm off on its way, and what it
+/// sweeps aside before it closes, it does not grasp.
 fn leave(
     setting: &Setting,
     posture: &Posture,
@@ -203,31 +223,57 @@ fn leave(
     ];
     let fabric =
         Fabric::new(tree, *drawn_to, obstacles, FabricConfig::calm()).map_err(|_| Flaw::Planner)?;
-    let hand = robot::hand_of(&posture.open);
+    let hand = wide_open(&robot::hand_of(&posture.open), config.widen);
     let grasp_palm = tree.kinematics(&posture.touch).palm();
+    let back = grasp_palm * Isometry::translation(-config.retreat, 0.0, 0.0);
     let planner = PlannerConfig::demonstration();
     let mut plan = Plan::standing(JointState::at_rest(posture.touch));
-    let mut is_clear = false;
+    let (mut stage, mut since) = (Stage::Open, 0);
     for row in 0..(planner.seconds / planner.dt) as usize {
         let state = *plan.last();
-        if !is_clear {
-            let kinematics = tree.kinematics(&state.q);
-            let tip_gap =
-                tree.tips.map(|tip| setting.robot.solids.gap(&kinematics, tip.body, solids, 0.02));
-            is_clear = tip_gap.iter().all(|gap| *gap >= config.clear);
+        let kinematics = tree.kinematics(&state.q);
+        let reach = 2.0 * config.clear;
+        let gap = |body| setting.robot.solids.gap(&kinematics, body, solids, reach);
+        let gone = (kinematics.palm().translation.vector - grasp_palm.translation.vector).norm();
+        let is_late = row - since >= STAGE_ROWS;
+        let next = match stage {
+            Stage::Open if is_late || tree.tips.iter().all(|tip| gap(tip.body) >= config.clear) => {
+                Stage::Retreat
+            }
+            Stage::Retreat if is_late || gone >= TURNING * config.retreat => Stage::Leave,
+            same => same,
+        };
+        if next != stage {
+            (stage, since) = (next, row);
         }
-        let palm = if is_clear { *target } else { grasp_palm };
+        let palm = match stage {
+            Stage::Open => grasp_palm,
+            Stage::Retreat => back,
+            Stage::Leave => *target,
+        };
         let qdd = fabric.acceleration(&state, &Goal { palm, hand }).ok_or(Flaw::Planner)?;
         plan.push(qdd, planner.dt);
         let state = plan.last();
         if !tree.limits.contains(&state.q, -0.02) {
             return Err(Flaw::Planner);
         }
-        if is_clear && row > 15 && state.qd.norm() < config.rest_speed {
+        if stage == Stage::Leave && row > since + 15 && state.qd.norm() < config.rest_speed {
             return Ok(plan);
         }
     }
-    if is_clear { cut_where_slowest(plan, config) } else { Err(Flaw::Planner) }
+    if stage == Stage::Leave { cut_where_slowest(plan, config) } else { Err(Flaw::Planner) }
+}
+
+/// Rows after which a motion goes on although the fingers find no room to open further, or the palm none to go back:
+/// a second.
+const STAGE_ROWS: usize = 30;
+
+/// Share of the way back at which the palm turns to its target.
+const TURNING: f64 = 0.8;
+
+/// A hand (rad) whose fingers are bent less; what spreads them and turns the thumb stays.
+fn wide_open(hand: &[f64; robot::HAND], widen: f64) -> [f64; robot::HAND] {
+    std::array::from_fn(|i| if i % 4 == 0 { hand[i] } else { hand[i] - widen })
 }
 
 /// Near a joint limit a fabric can tremble for ever: its motion ends where it is slowest in the last

@@ -3,6 +3,7 @@
 
 use crate::expert::{self, Gains};
 use crate::lesson::Lesson;
+use crate::loss::joint_and_tip_error;
 use crate::nn::Params;
 use crate::nn::adam::{AdamW, schedule};
 use crate::nn::network::{self, Network, Response};
@@ -10,11 +11,10 @@ use crate::nn::ngf::Active;
 use crate::step::{self, Batch, Loss, Outcome};
 use crate::watcher::{Progress, Reporter, Watcher};
 use anyhow::{Result, bail};
-use candle_core::{Device, Tensor};
 use policy::PolicyConfig;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use robot::{ARM, DOF, JointState, JointVector, Limits, integrator};
+use robot::{ARM, JointState, JointVector, Tree, integrator};
 use scene::config::CONTROL_PERIOD;
 use std::ops::Range;
 use std::path::Path;
@@ -41,9 +41,8 @@ pub struct DaggerConfig {
     pub growth: [f64; 2],
     /// Uniform noise on a drawn state: position of arm and hand (rad), velocity (rad/s).
     pub noise: [f64; 3],
-    /// Weight of the arm's joints in the loss, those of the hand having 1: what a radian there moves
-    /// the fingertips, it moves them several times as far.
-    pub arm_weight: f32,
+    /// Weight (rad/m) of what the fingertips do in the loss.
+    pub tip_weight: f64,
     /// Weight of the mean square of what the networks of the metrics give: the entries of U.
     ///
     /// *Departure: Eq. 2 alone leaves the unit of mass open: metrics, potential and damping can grow
@@ -78,7 +77,7 @@ impl DaggerConfig {
             horizon: 90,
             growth: [0.3, 0.6],
             noise: [0.12, 0.1, 0.3],
-            arm_weight: 2.0,
+            tip_weight: 3.0,
             metric_weight: 10.0,
             start_share: 0.25,
             gains: Gains { position: 225.0, velocity: 30.0 },
@@ -119,7 +118,7 @@ struct Visit {
 /// `out`.
 pub fn train(
     lessons: &[Lesson],
-    limits: &Limits,
+    tree: &Tree,
     config: &DaggerConfig,
     begin: Option<&[u8]>,
     out: &Path,
@@ -135,7 +134,7 @@ pub fn train(
     if let Some(weights) = begin {
         params.restore(weights)?;
     }
-    let network = Network::new(&config.policy, limits)?;
+    let network = Network::new(&config.policy, &tree.limits)?;
     let mut adam = AdamW::new(params.count(), 1e-4);
     let checkpoint = out.join("policy.checkpoint.safetensors");
     let settings = serde_json::to_value(config)?;
@@ -153,7 +152,7 @@ pub fn train(
         }
         let is_early = (adam.steps as f64) < config.potential_share * config.steps as f64;
         let active = if is_early { Active::Potential } else { Active::All };
-        let outcome = examine(&network, &params, lessons, config, active, &visits)?;
+        let outcome = examine(tree, &network, &params, lessons, config, active, &visits)?;
         let rate = schedule(adam.steps, 500, config.steps, config.rate);
         let norm = adam.step(&params, &outcome.gradients, rate, 10.0, config.shards)?;
         if !norm.is_finite() {
@@ -230,8 +229,9 @@ fn is_near(visit: &Visit, lessons: &[Lesson]) -> bool {
     distance.is_finite() && distance < STRAYED
 }
 
-/// Eq. 2: the mean weighted norm of the difference to the expert in the states of a batch, with its gradient.
+/// Eq. 2: how far the policy is from the expert in the states of a batch, with the gradient.
 fn examine(
+    tree: &Tree,
     network: &Network,
     params: &Params,
     lessons: &[Lesson],
@@ -244,24 +244,18 @@ fn examine(
         visits.iter().map(|visit| told(visit).state_in_front(&visit.state)).collect();
     let objects: Vec<&[f32]> = visits.iter().map(|visit| told(visit).z.as_slice()).collect();
     let batch = Batch { states: &states, objects: &objects };
-    let weights: Vec<f32> =
-        (0..DOF).map(|i| if i < ARM { config.arm_weight } else { 1.0 }).collect();
-    let weights = Tensor::from_vec(weights, (1, DOF), &Device::Cpu)?;
     let lag = config.gains.lag_rows(CONTROL_PERIOD).max(1);
     let loss = |rows: Range<usize>, response: &Response| {
-        let wanted: Vec<f32> = visits[rows.clone()]
-            .iter()
-            .flat_map(|visit| {
-                let demonstrations = &lessons[visit.lesson].demonstrations;
-                let target = demonstrations.target(&visit.state, lag, config.lead);
-                let qdd = expert::acceleration(&config.gains, &target, &visit.state);
-                qdd.iter().map(|x| *x as f32).collect::<Vec<_>>()
-            })
-            .collect();
-        let wanted = Tensor::from_vec(wanted, (rows.len(), DOF), &Device::Cpu)?;
-        let off = (&response.accelerations - wanted)?.broadcast_mul(&weights)?;
-        // The small addend keeps the norm's gradient finite where policy and expert agree.
-        let shown = (off.sqr()?.sum(1)? + 1e-6)?.sqrt()?.mean_all()?;
+        let visits = &visits[rows];
+        let advice = |visit: &Visit| {
+            let target =
+                lessons[visit.lesson].demonstrations.target(&visit.state, lag, config.lead);
+            expert::acceleration(&config.gains, &target, &visit.state)
+        };
+        let wanted: Vec<JointVector> = visits.iter().map(advice).collect();
+        let at: Vec<JointVector> = visits.iter().map(|visit| visit.state.q).collect();
+        let (made, weight) = (&response.accelerations, config.tip_weight);
+        let shown = joint_and_tip_error(tree, &at, made, &wanted, weight)?;
         Loss::with_metrics(shown, response, config.metric_weight)
     };
     step::differentiate(network, params, &batch, active, config.shards, &loss)
@@ -273,6 +267,7 @@ mod tests {
     use crate::expert::Demonstrations;
     use crate::lesson::{introduce, starts};
     use policy::Encoding;
+    use robot::DOF;
 
     fn tiny() -> DaggerConfig {
         DaggerConfig::standard(PolicyConfig::tiny())
@@ -323,17 +318,19 @@ mod tests {
 
     #[test]
     fn a_lesson_that_is_turned_teaches_the_same() {
-        let limits = robot::Tree::iiwa7_allegro().unwrap().limits;
+        let tree = Tree::iiwa7_allegro().unwrap();
         let config = tiny();
         let mut params = Params::default();
         network::init(&mut params, &config.policy, &mut ChaCha8Rng::seed_from_u64(5)).unwrap();
-        let network = Network::new(&config.policy, &limits).unwrap();
+        let network = Network::new(&config.policy, &tree.limits).unwrap();
         let loss_at = |turn: f32| {
             let lessons = [lesson(2, turn)];
             let mut state = lessons[0].demonstrations.state(1);
             state.q[3] += 0.05;
             let visit = Visit { lesson: 0, encoding: 1, state, left: 1 };
-            examine(&network, &params, &lessons, &config, Active::All, &[visit]).unwrap().loss
+            examine(&tree, &network, &params, &lessons, &config, Active::All, &[visit])
+                .unwrap()
+                .loss
         };
         let (front, turned) = (loss_at(0.0), loss_at(0.7));
         assert!(front > 1.0 && (front - turned).abs() < 1e-3 * front, "{front}, {turned}");

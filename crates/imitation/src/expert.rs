@@ -1,6 +1,6 @@
 //! The surrogate expert: a PD controller along the nearest demonstration (Eq. 1, paper §II-B).
 
-use robot::{DOF, JointState, JointVector};
+use robot::{ARM, DOF, JointState, JointVector};
 
 /// Gains of the expert.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -33,6 +33,22 @@ pub struct Demonstrations {
 }
 
 const ROW: usize = 2 * DOF;
+
+/// What a radian of an arm's joint counts for where configurations are compared, those of the hand counting for one:
+/// it moves the hand several times as far. A corner, where the hand has come and the fingers set in to close, is cut
+/// by the less.
+const ARM_WEIGHT: f64 = 2.0;
+
+/// What a joint counts for.
+fn weight(joint: usize) -> f64 {
+    if joint < ARM { ARM_WEIGHT } else { 1.0 }
+}
+
+/// Weighted distance (rad) of configurations.
+fn apart(a: &JointVector, b: &JointVector) -> f64 {
+    let squares = (0..DOF).map(|i| (weight(i) * (a[i] - b[i])).powi(2));
+    squares.sum::<f64>().sqrt()
+}
 
 /// Greatest difference (rad) of a joint in postures that are one.
 const ONE_POSTURE: f64 = 1e-3;
@@ -96,7 +112,7 @@ impl Demonstrations {
     }
 
     /// The configuration that the expert heads for: at least `rows` after the nearest one and at least
-    /// `lead` (rad) away from it, or the last one.
+    /// `lead` (rad, weighted) away from it, or the last one.
     ///
     /// *Departure: the paper looks the trajectory up where a roll-out begins and then marches along it,
     /// wherever the policy goes meanwhile; what the expert says then depends on when the roll-out
@@ -109,15 +125,15 @@ impl Demonstrations {
         let from = self.state(nearest).q;
         let mut row = (nearest + rows).min(end - 1);
         let mut target = self.state(row).q;
-        while row + 1 < end && (target - from).norm() < lead {
+        while row + 1 < end && apart(&target, &from) < lead {
             row += 1;
             target = self.state(row).q;
         }
         target
     }
 
-    /// The row with the nearest configuration over all trajectories, and one past the end of its
-    /// trajectory.
+    /// The row with the nearest configuration (weighted) over all trajectories, and one past the end of
+    /// its trajectory.
     ///
     /// *Departure: the paper compares velocities too. The policy's velocity is off long before its
     /// configuration is, and a potential, which sees none, cannot follow a target that jumps with it.*
@@ -125,7 +141,11 @@ impl Demonstrations {
         let key: Vec<f32> = q.iter().map(|x| *x as f32).collect();
         let mut best = (0, f32::INFINITY);
         for (i, row) in self.rows.chunks_exact(ROW).enumerate() {
-            let distance = row.iter().zip(&key).map(|(a, b)| (a - b) * (a - b)).sum::<f32>();
+            let square = |(joint, (a, b)): (usize, (&f32, &f32))| {
+                let off = weight(joint) as f32 * (a - b);
+                off * off
+            };
+            let distance = row.iter().zip(&key).enumerate().map(square).sum::<f32>();
             if distance < best.1 {
                 best = (i, distance);
             }

@@ -72,7 +72,11 @@ impl TrainedEncoder {
     }
 
     /// What a policy is told of clouds (base frame).
-    fn observe(&self, observation: Observation, clouds: &[Vec<f32>]) -> Result<Vec<Encoding>> {
+    pub(crate) fn observe(
+        &self,
+        observation: Observation,
+        clouds: &[Vec<f32>],
+    ) -> Result<Vec<Encoding>> {
         match observation {
             Observation::Cloud => self.encode(clouds),
             Observation::Position => Ok(clouds
@@ -321,7 +325,7 @@ mod tests {
         let model = Model::load(&files.weights, &files.starts, &files.config, &tree).unwrap();
         for bearing in [0.3, -0.6] {
             let seen = Encoding { bearing, z: z.clone() };
-            let start = model.start(&seen, &tree.kinematics(&first).palm()).unwrap();
+            let start = model.starts.find(&seen, &tree.kinematics(&first).palm()).unwrap();
             assert!((start[0] - first[0] - (bearing - 0.3)).abs() < 1e-6, "{}", start[0]);
             assert!((start - first).rows(1, DOF - 1).amax() < 1e-6);
         }

@@ -1,9 +1,10 @@
-//! `ngf train encoder` and `ngf train policy`: training with checkpoints; a killed run continues.
+//! `ngf train encoder`, `ngf train policy` and `ngf train start`: training with checkpoints; a killed run continues.
 
 mod encoder;
 mod exam;
 mod log;
 mod policy;
+mod start;
 
 use crate::environment;
 use anyhow::Result;
@@ -16,6 +17,8 @@ pub(crate) enum Options {
     Encoder(Run),
     /// The policy, on a dataset's demonstrations, with the encoder in the same folder.
     Policy(policy::Options),
+    /// A start model, which takes the place of a model's table of starts.
+    Start(start::Options),
 }
 
 /// Where from, where to, how long.
@@ -60,5 +63,6 @@ pub(crate) fn run(options: &Options) -> Result<()> {
     match options {
         Options::Encoder(run) => encoder::train(run),
         Options::Policy(options) => policy::train(options),
+        Options::Start(options) => start::train(options),
     }
 }

@@ -15,11 +15,20 @@ fn ngf(words: &[&str], data: &Path, out: &Path) -> Command {
     command
 }
 
-/// Trains an encoder or a policy of full size for a few small steps.
+/// Trains an encoder, a policy or a start model of full size for a few small steps; a start model, in
+/// a folder of its own, learns from the policy in the folder `whole` beside the one it is in.
 fn train(what: &str, data: &Path, out: &Path) -> Command {
-    let steps = if what == "encoder" { "60" } else { "30" };
+    let steps = match what {
+        "encoder" => "60",
+        "policy" => "30",
+        _ => "400",
+    };
     let words = ["train", what, "--batch", "4", "--checkpoint", "4", "--steps", steps];
-    ngf(&words, data, out)
+    let mut command = ngf(&words, data, out);
+    if what == "start" {
+        command.arg("--from").arg(out.join("../../whole"));
+    }
+    command
 }
 
 fn succeeded(mut command: Command) -> Output {
@@ -61,7 +70,11 @@ fn killed_and_resumed_it_ends_in_the_same_weights() {
     for (what, files) in [
         ("encoder", &["encoder.safetensors", "latent.safetensors"][..]),
         ("policy", &["weights.safetensors", "starts.safetensors", "config.json"][..]),
+        ("start", &["starts.safetensors"][..]),
     ] {
+        let folder = if what == "start" { what } else { "" };
+        let [whole, killed] = [&whole, &killed].map(|dir| dir.join(folder));
+        [&whole, &killed].into_iter().for_each(|dir| std::fs::create_dir_all(dir).unwrap());
         succeeded(train(what, &data, &whole));
         let kills = disturbed(what, &data, &killed);
         assert!(kills >= 2, "{what}: killed {kills} times only");

@@ -14,13 +14,15 @@ pub mod mlp;
 pub mod model;
 pub mod network;
 pub mod ngf;
+pub mod start;
 pub mod weights;
 pub mod whitening;
 
 pub use encoder::{Encoder, LATENT};
 pub use encoding::Encoding;
-pub use model::{Model, Start};
+pub use model::Model;
 pub use network::{Network, Observation, PolicyConfig};
 pub use ngf::Ngf;
+pub use start::Starts;
 pub use weights::WeightsError;
 pub use whitening::Whitening;

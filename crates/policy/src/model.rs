@@ -4,9 +4,10 @@ use crate::encoder::{Decoder, Encoder};
 use crate::encoding::{Encoding, to_front};
 use crate::network::{self, Network, NetworkConfig, Observation, PolicyConfig};
 use crate::ngf::NgfConfig;
+use crate::start::Starts;
 use crate::weights::{Tensors, WeightsError};
 use geometry::Vec3;
-use robot::{DOF, Isometry, JointVector, Tree, rotation};
+use robot::Tree;
 
 /// What weights, starts and configuration mean: 1, everything in the base frame; 2, with the object in front; 3,
 /// policies of several kinds.
@@ -51,17 +52,6 @@ fn first() -> u32 {
     1
 }
 
-/// A start configuration of the training data (paper §III-F), with the object in front.
-#[derive(Clone, Debug)]
-pub struct Start {
-    /// What a policy is told of the object pose that it belongs to.
-    pub z: Vec<f32>,
-    /// Joint positions (rad).
-    pub q: JointVector,
-    /// Pose of the palm there.
-    pub palm: Isometry,
-}
-
 /// Everything that an attempt needs.
 #[derive(Clone, Debug)]
 pub struct Model {
@@ -73,12 +63,9 @@ pub struct Model {
     pub observation: Observation,
     /// (q, q̇, z) -> q̈.
     pub network: Network,
-    /// Start configurations; those of one object pose stand together.
-    pub starts: Vec<Start>,
+    /// Where attempts begin.
+    pub starts: Starts,
 }
-
-/// Metres that a radian counts for when palm poses are compared.
-const LEVER: f64 = 0.1;
 
 impl Model {
     /// Builds a model from the bytes of its three files.
@@ -95,7 +82,7 @@ impl Model {
             decoder: Decoder::load(&tensors)?,
             observation: config.policy.observation,
             network: Network::load(&tensors, &config.policy, &tree.limits)?,
-            starts: load_starts(starts, config.policy.observation.size(), tree)?,
+            starts: Starts::load(starts, config.policy.observation.size(), tree)?,
         })
     }
 
@@ -110,39 +97,6 @@ impl Model {
             }
         }
     }
-
-    /// The start of the paper's §III-F: the nearest encoding first, then, among the starts of that
-    /// object pose, the one whose palm is nearest to `target`.
-    pub fn start(&self, object: &Encoding, target: &Isometry) -> Option<JointVector> {
-        let (z, target) = (&object.z, object.pose_in_front(target));
-        let nearest =
-            self.starts.iter().map(|start| squared_distance(&start.z, z)).min_by(f64::total_cmp)?;
-        let of_pose = self.starts.iter().filter(|start| squared_distance(&start.z, z) == nearest);
-        let distance = |start: &Start| palm_distance(&start.palm, &target);
-        let start = of_pose.min_by(|a, b| distance(a).total_cmp(&distance(b)))?;
-        Some(object.at_bearing(&start.q))
-    }
-}
-
-fn load_starts(bytes: &[u8], object: usize, tree: &Tree) -> Result<Vec<Start>, WeightsError> {
-    let tensors = Tensors::parse(bytes)?;
-    let count = tensors.shape("starts.q")?.first().copied().unwrap_or(0);
-    let z = tensors.get("starts.z", &[count, object])?;
-    let q = tensors.get("starts.q", &[count, DOF])?;
-    let start = |(z, q): (&[f32], &[f32])| {
-        let q = JointVector::from_fn(|i, _| q[i] as f64);
-        Start { z: z.to_vec(), q, palm: tree.kinematics(&q).palm() }
-    };
-    Ok(z.chunks_exact(object).zip(q.chunks_exact(DOF)).map(start).collect())
-}
-
-fn squared_distance(a: &[f32], b: &[f32]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| ((a - b) as f64) * ((a - b) as f64)).sum()
-}
-
-fn palm_distance(a: &Isometry, b: &Isometry) -> f64 {
-    let moved = (a.translation.vector - b.translation.vector).norm();
-    moved + LEVER * rotation::angle_between(&a.rotation, &b.rotation)
 }
 
 #[cfg(test)]
@@ -152,7 +106,7 @@ mod tests {
     use crate::Whitening;
     use crate::encoder::{DECODER_WIDTHS, GLOBAL_WIDTHS, LOCAL_WIDTHS, READOUT_WIDTHS};
     use crate::ngf::PARTS;
-    use robot::JointState;
+    use robot::{DOF, JointState, JointVector};
     use safetensors::Dtype;
     use safetensors::tensor::TensorView;
     use std::collections::BTreeMap;
@@ -249,7 +203,7 @@ mod tests {
             wanted[0] += 0.4;
             let palm = Tree::iiwa7_allegro().unwrap().kinematics(&wanted).palm();
             let object = Encoding { bearing: 0.4, z: vec![z; LATENT] };
-            let start = model.start(&object, &palm).unwrap();
+            let start = model.starts.find(&object, &palm).unwrap();
             assert!((start - wanted).amax() < 1e-6, "{} against {q}", start[0]);
         }
     }

@@ -106,7 +106,7 @@ impl Sight<'_> {
     fn start(&self) -> Result<Result<(&Model, Encoding, JointVector), Failure>, RolloutError> {
         let model = self.workcell.model.as_ref().ok_or(RolloutError::NoModel)?;
         let Some(seen) = model.observe(self.cloud) else { return Ok(Err(Failure::Unseen)) };
-        let start = model.start(&seen, &self.target);
+        let start = model.starts.find(&seen, &self.target);
         Ok(start.map(|start| (model, seen, start)).ok_or(Failure::Unreachable))
     }
 

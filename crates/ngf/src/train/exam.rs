@@ -8,7 +8,7 @@ use imitation::lesson::Lesson;
 use imitation::training::{self, ModelFiles};
 use policy::weights::Tensors;
 use policy::{Network, PolicyConfig};
-use robot::Limits;
+use robot::Tree;
 use rollout::{Controller, Workcell, wilson95};
 use std::collections::BTreeMap;
 use std::fmt;
@@ -60,9 +60,9 @@ impl Exam {
         })
     }
 
-    /// The robot's joint limits.
-    pub(super) fn limits(&self) -> &Limits {
-        &self.workcell.robot.tree.limits
+    /// The robot.
+    pub(super) fn tree(&self) -> &Tree {
+        &self.workcell.robot.tree
     }
 
     /// Examines the model of these files.

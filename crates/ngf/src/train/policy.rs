@@ -83,8 +83,8 @@ pub(super) fn train(options: &Options) -> Result<()> {
         out: &run.out,
     };
     let begin = begin.as_ref().map(|(weights, _)| weights.as_slice());
-    let limits = school.exam.limits().clone();
-    let params = dagger::train(&taught, &limits, &config, begin, &run.out, &mut school)?;
+    let tree = school.exam.tree().clone();
+    let params = dagger::train(&taught, &tree, &config, begin, &run.out, &mut school)?;
     training::write_model(&run.out, &encoder, &params, &config, &taught)
 }
 
@@ -122,9 +122,12 @@ impl Watcher for School<'_> {
 
 /// Weights and configuration of a model.
 fn read_model(folder: &Path) -> Result<(Vec<u8>, ModelConfig)> {
-    let read = |file: &str| {
-        let path = folder.join(file);
-        std::fs::read(&path).with_context(|| format!("cannot read {}", path.display()))
-    };
-    Ok((read("weights.safetensors")?, ModelConfig::parse(&read("config.json")?)?))
+    let config = ModelConfig::parse(&read_file(folder, "config.json")?)?;
+    Ok((read_file(folder, "weights.safetensors")?, config))
+}
+
+/// A file of a model.
+pub(super) fn read_file(folder: &Path, file: &str) -> Result<Vec<u8>> {
+    let path = folder.join(file);
+    std::fs::read(&path).with_context(|| format!("cannot read {}", path.display()))
 }
