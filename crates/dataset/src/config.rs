@@ -41,14 +41,10 @@ pub struct DatasetConfig {
 }
 
 /// Names of the presets and what they are for.
-pub const PRESETS: [(&str, &str); 6] = [
+pub const PRESETS: [(&str, &str); 5] = [
     ("smoke", "less than a minute: the whole way at toy size"),
     ("small", "minutes: two objects, 24 poses each, 32 demonstrations of each"),
-    ("shipped", "800 poses each, 2 demonstrations of each; an earlier version made models/default"),
-    (
-        "variants",
-        "220 poses each of a box in 2 proportions and a bottle in 8, 2 demonstrations of each grasp",
-    ),
+    ("variants", "made models/default: 220 poses each of a box in 2 proportions and a bottle in 8"),
     ("paper", "the paper's size: K = 192 object poses, M = 256 demonstrations of each"),
     ("families", "the training objects of all families, 8 poses each, 64 demonstrations of each"),
 ];
@@ -101,16 +97,6 @@ impl DatasetConfig {
                 ..small
             },
             "small" => small,
-            "shipped" => Self {
-                poses: 800,
-                trajectories: 2,
-                overlap: true,
-                audits: 0,
-                perturbed: 0,
-                turns: 8,
-                encoder_clouds: 6000,
-                ..small
-            },
             "variants" => Self {
                 objects: with_variants(TAUGHT_VARIANTS),
                 encoder_objects: with_variants(ENCODED.map(|name| (name, ENCODED_VARIANTS))),

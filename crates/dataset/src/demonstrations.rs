@@ -247,7 +247,7 @@ mod tests {
         let robot = grasps::Robot::standard().unwrap();
         let object = Object::built_in("bleach").unwrap();
         let grasps = grasps::built_in::built_in("bleach").unwrap().grasps;
-        let config = DatasetConfig::preset("shipped", 0).unwrap();
+        let config = DatasetConfig::preset("variants", 0).unwrap();
         let anywhere = Setting::anywhere(&robot, &object);
         // The grasp that comes first at a yaw, and those that do nearby.
         let at = |step: usize| {

@@ -39,7 +39,7 @@ fn middle_at(object: &Object, height: f64) -> Vector {
 }
 
 /// Greatest distance (m, by [`cluster::distance`]) of a grasp from the half turn of its other side.
-const OTHER_SIDE: f64 = 0.04;
+pub(crate) const OTHER_SIDE: f64 = 0.04;
 
 /// A grasp that lifted, and what more it can.
 #[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]

@@ -15,6 +15,7 @@ pub mod reach;
 pub mod search;
 pub mod sides;
 pub mod squeeze;
+pub mod tolerance;
 pub mod transfer;
 pub mod trial;
 

@@ -72,6 +72,11 @@ impl SearchConfig {
             proposal: ProposalConfig::standard(&robot.config),
         }
     }
+
+    /// Three times as many of everything: for what is heavy, and has to be chosen well.
+    pub fn thorough(robot: &Robot) -> Self {
+        Self { closings: 800, enough: 60, centers: 18, ..Self::paper(robot) }
+    }
 }
 
 /// Grasps of an object and how they were found.
@@ -79,7 +84,8 @@ impl SearchConfig {
 pub struct GraspSet {
     /// Reliable grasps, by kind.
     pub grasps: Vec<Grasp>,
-    /// Palm poses proposed around the object.
+    /// Palm poses proposed around the object; this and the next three are 0 where grasps of earlier searches were chosen
+    /// among.
     pub proposed: usize,
     /// Proposals, varied ones too, whose hand closed with balanced forces.
     pub closed: usize,

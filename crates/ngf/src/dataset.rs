@@ -65,7 +65,7 @@ enum Look {
 /// What to make.
 #[derive(clap::Args)]
 struct Make {
-    /// smoke, small, shipped, variants, paper or families.
+    /// smoke, small, variants, paper or families.
     #[arg(long, value_name = "NAME")]
     preset: Option<String>,
     /// Folder of the dataset.
