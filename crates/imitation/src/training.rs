@@ -189,7 +189,7 @@ pub fn write_files(out: &Path, files: &ModelFiles) -> Result<()> {
 pub struct ModelFiles {
     /// Encoder, decoder and policy in half precision.
     pub weights: Vec<u8>,
-    /// Start configurations with the z at which they were demonstrated.
+    /// Start configurations with the z at which they were demonstrated, in half precision.
     pub starts: Vec<u8>,
     /// [`ModelConfig`] as JSON.
     pub config: Vec<u8>,
@@ -215,13 +215,10 @@ pub fn model_files(
         }
     }
     let count = q.len() / DOF;
-    let starts = store::encode(
-        &[
-            ("starts.z", vec![count, config.policy.observation.size()], &z),
-            ("starts.q", vec![count, DOF], &q),
-        ],
-        None,
-    )?;
+    let mut table = Params::default();
+    table.add("starts.z", &[count, config.policy.observation.size()], z)?;
+    table.add("starts.q", &[count, DOF], q)?;
+    let starts = table.export(&[])?;
     let config = serde_json::to_vec_pretty(&ModelConfig {
         version: VERSION,
         policy: config.policy.clone(),
@@ -326,8 +323,8 @@ mod tests {
         for bearing in [0.3, -0.6] {
             let seen = Encoding { bearing, z: z.clone() };
             let start = model.starts.find(&seen, &tree.kinematics(&first).palm()).unwrap();
-            assert!((start[0] - first[0] - (bearing - 0.3)).abs() < 1e-6, "{}", start[0]);
-            assert!((start - first).rows(1, DOF - 1).amax() < 1e-6);
+            assert!((start[0] - first[0] - (bearing - 0.3)).abs() < 1e-3, "{}", start[0]);
+            assert!((start - first).rows(1, DOF - 1).amax() < 1e-3);
         }
     }
 }
