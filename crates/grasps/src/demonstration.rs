@@ -195,7 +195,7 @@ fn checked(
 }
 
 /// Where a motion out of a grasp is.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, PartialEq, Eq)]
 enum Stage {
     /// The fingers open.
     Open,

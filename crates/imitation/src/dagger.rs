@@ -54,7 +54,7 @@ pub struct DaggerConfig {
     pub start_share: f64,
     /// The expert.
     pub gains: Gains,
-    /// Distance (rad, norm) that the expert looks ahead at least: times k_p / k_d, its least speed.
+    /// Distance (rad, weighted) that the expert looks ahead at least: times k_p / k_d, its least speed.
     pub lead: f64,
     /// Steps from checkpoint to checkpoint. All states are drawn anew at each, so that a run that is
     /// resumed there takes the same steps as one that was never stopped.

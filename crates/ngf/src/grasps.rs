@@ -22,12 +22,12 @@ pub(crate) struct Options {
     /// File of grasps from elsewhere, which are closed and tried instead of a search.
     #[arg(long, value_name = "FILE")]
     import: Option<PathBuf>,
-    /// Search three times as long.
+    /// Look for three times as many reliable grasps.
     #[arg(long)]
     thorough: bool,
     /// Files of reliable grasps of earlier searches, among which to choose instead of a search, by how often each lifts
     /// when the hand comes up to 10 mm and 4 degrees beside its place.
-    #[arg(long, value_name = "FILE", num_args = 1.., conflicts_with_all = ["import", "thorough"])]
+    #[arg(long, value_name = "FILE", num_args = 1.., conflicts_with_all = ["import", "thorough", "reliable"])]
     among: Vec<PathBuf>,
     /// Seed of the search.
     #[arg(long, default_value_t = 0)]
