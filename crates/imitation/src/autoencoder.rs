@@ -1,12 +1,12 @@
 //! Training the autoencoder: Chamfer distance plus the squared norm of z (paper §III-D), and the moments of the whole
 //! object.
 
+use crate::fit::Fit;
 use crate::moments::{MOMENTS, Scale, moments};
-use crate::nn::adam::{AdamW, schedule};
 use crate::nn::chamfer::Chamfer;
 use crate::nn::{Params, autoencoder as twin};
-use crate::shards::{Gradient, differentiate};
-use crate::watcher::{Progress, Reporter, Watcher};
+use crate::shards::Gradient;
+use crate::watcher::Watcher;
 use anyhow::{Result, bail};
 use candle_core::{Device, Tensor};
 use dataset::Dataset;
@@ -14,7 +14,7 @@ use dataset::store;
 use nalgebra::DMatrix;
 use policy::Whitening;
 use policy::encoder::LATENT;
-use rand::{RngExt, SeedableRng};
+use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use std::path::Path;
 
@@ -108,33 +108,19 @@ pub fn train(
     let mut params = Params::default();
     twin::init(&mut params, &mut rng)?;
     twin::init_moments(&mut params, &mut rng)?;
-    let mut adam = AdamW::new(params.count(), 1e-4);
-    let checkpoint = out.join("encoder.checkpoint.safetensors");
-    let settings = serde_json::json!({ "training": config, "data": dataset.config });
-    crate::checkpoint::load(&checkpoint, &params, &mut adam, &settings, &mut |text| {
-        watcher.warn(text);
-    })?;
-
-    let mut reporter = Reporter::default();
-    while adam.steps < config.steps {
-        let mut rng = ChaCha8Rng::seed_from_u64(config.seed ^ (adam.steps + 1) << 20);
-        let batch: Vec<&Example> =
-            (0..config.batch).map(|_| &examples[rng.random_range(0..examples.len())]).collect();
-        let gradients =
-            differentiate(&batch, PIECE, config.shards, |part| loss(&params, part, config))?;
-        let rate = schedule(adam.steps, 200, config.steps, config.rate);
-        let norm = adam.step(&params, &gradients, rate, 1.0, config.shards)?;
-        if !norm.is_finite() {
-            bail!("the loss is {} at step {}: lower the rate", gradients.loss(), adam.steps);
-        }
-        if adam.steps.is_multiple_of(config.span) {
-            crate::checkpoint::save(&checkpoint, &params, &adam, &settings)?;
-        }
-        let (step, steps, loss) = (adam.steps, config.steps, gradients.loss());
-        let now = Progress { step, steps, loss, gradient: norm, params: &params };
-        if !reporter.note(watcher, now)? {
-            return Ok(());
-        }
+    let fit = Fit {
+        steps: config.steps,
+        batch: config.batch,
+        piece: PIECE,
+        threads: config.shards,
+        rate: config.rate,
+        span: config.span,
+        seed: config.seed,
+        checkpoint: &out.join("encoder.checkpoint.safetensors"),
+        settings: serde_json::json!({ "training": config, "data": dataset.config }),
+    };
+    if !fit.run(&params, &examples, |part| loss(&params, part, config), watcher)? {
+        return Ok(());
     }
     // Every object has its share.
     let shown = examples.iter().step_by(examples.len().div_ceil(WHITENED));
@@ -204,6 +190,7 @@ pub fn whiten(latents: &[Vec<f32>]) -> Whitening {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use rand::RngExt;
 
     #[test]
     fn whitened_latents_have_unit_covariance() {

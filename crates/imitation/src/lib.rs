@@ -8,6 +8,7 @@ pub mod checkpoint;
 pub mod dagger;
 pub mod evaluation;
 pub mod expert;
+mod fit;
 pub mod lesson;
 pub mod loss;
 pub mod moments;

@@ -2,12 +2,12 @@
 //!
 //! It learns what the look-up of a model answers to what attempts ask, and a page then needs no table.
 
+use crate::fit::Fit;
 use crate::loss::joint_and_tip_error;
-use crate::nn::adam::{AdamW, schedule};
 use crate::nn::{Params, mlp};
-use crate::shards::{Gradient, differentiate};
+use crate::shards::Gradient;
 use crate::training::{TrainedEncoder, is_held_out};
-use crate::watcher::{Progress, Reporter, Watcher};
+use crate::watcher::Watcher;
 use anyhow::{Result, bail};
 use candle_core::{Device, Tensor};
 use dataset::Dataset;
@@ -16,7 +16,7 @@ use geometry::object::Object;
 use grasps::{Robot, demonstration};
 use policy::start::{ACTIVATION, HIDDEN, NAME, Start, inputs, look_up, ranges, widths};
 use policy::{Observation, Starts};
-use rand::{RngExt, SeedableRng};
+use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use robot::{DOF, Isometry, JointVector, Tree};
 use std::path::Path;
@@ -123,35 +123,22 @@ pub fn train(
     let mut params = Params::default();
     let mut rng = ChaCha8Rng::seed_from_u64(config.seed);
     params.add_mlp(NAME, &widths(first.z.len()), 1.0, &mut rng)?;
-    let mut adam = AdamW::new(params.count(), 1e-4);
-    let checkpoint = out.join("start.checkpoint.safetensors");
-    let settings = serde_json::json!({ "training": config, "queries": digest(queries) });
-    crate::checkpoint::load(&checkpoint, &params, &mut adam, &settings, &mut |text| {
-        watcher.warn(text);
-    })?;
-    let mut reporter = Reporter::default();
-    while adam.steps < config.steps {
-        let mut rng = ChaCha8Rng::seed_from_u64(config.seed ^ (adam.steps + 1) << 20);
-        let batch: Vec<&Query> =
-            (0..config.batch).map(|_| &queries[rng.random_range(0..queries.len())]).collect();
-        let gradients = differentiate(&batch, PIECE, config.threads, |part| {
-            let params = params.of_shard();
-            Gradient::of(&loss(&params, tree, part, config.tip_weight)?, &params)
-        })?;
-        let rate = schedule(adam.steps, 200, config.steps, config.rate);
-        let norm = adam.step(&params, &gradients, rate, 1.0, config.threads)?;
-        if !norm.is_finite() {
-            bail!("the loss is {} at step {}: lower the rate", gradients.loss(), adam.steps);
-        }
-        if adam.steps.is_multiple_of(config.span) {
-            crate::checkpoint::save(&checkpoint, &params, &adam, &settings)?;
-        }
-        let (step, steps, loss) = (adam.steps, config.steps, gradients.loss());
-        let now = Progress { step, steps, loss, gradient: norm, params: &params };
-        if !reporter.note(watcher, now)? {
-            break;
-        }
-    }
+    let fit = Fit {
+        steps: config.steps,
+        batch: config.batch,
+        piece: PIECE,
+        threads: config.threads,
+        rate: config.rate,
+        span: config.span,
+        seed: config.seed,
+        checkpoint: &out.join("start.checkpoint.safetensors"),
+        settings: serde_json::json!({ "training": config, "queries": digest(queries) }),
+    };
+    let gradient = |part: &[&Query]| {
+        let params = params.of_shard();
+        Gradient::of(&loss(&params, tree, part, config.tip_weight)?, &params)
+    };
+    fit.run(&params, queries, gradient, watcher)?;
     Ok(params)
 }
 
@@ -207,6 +194,7 @@ pub fn errors(starts: &Starts, tree: &Tree, queries: &[Query]) -> [f64; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::watcher::Progress;
 
     /// Objects at places along a line, whose starts stand along another.
     fn query(k: usize) -> Query {
