@@ -329,6 +329,15 @@ pub fn rise(robot: &Robot, lift: &[JointState]) -> f64 {
     lift.last().zip(lift.first()).map_or(0.0, |(last, first)| height(last) - height(first))
 }
 
+/// Height (m) by which a planned lift raises the palm beyond that at which an object counts as held.
+const RISE_MARGIN: f64 = 0.004;
+
+/// Whether a lift raises the palm so far that the object counts as held: close to its base the arm cannot raise a hand as
+/// far as one that it holds another way.
+pub fn rises_enough(robot: &Robot, lift: &[JointState]) -> bool {
+    rise(robot, lift) >= f64::from(robot.config.attempt.held_height) + RISE_MARGIN
+}
+
 impl Demonstration {
     /// Plays its end back in physics, goes along `lift`, and says what became of the object.
     pub fn replay(

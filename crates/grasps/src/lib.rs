@@ -3,6 +3,7 @@
 //! In: an object. Out: grasps that lift it (paper §II-A). Knows nothing of networks.
 
 pub mod built_in;
+pub mod choice;
 pub mod closing;
 pub mod cluster;
 pub mod demonstration;

@@ -88,11 +88,16 @@ impl<'a> Setting<'a> {
         Self { world_from_object: *world_from_object, solids, ..*self }
     }
 
-    /// The posture of a grasp, if the arm can take it without touching anything.
-    pub fn reach(&self, grasp: &Grasp) -> Option<Posture> {
+    /// The posture of a grasp, if the arm can take it, whatever it touches.
+    pub(crate) fn posture(&self, grasp: &Grasp) -> Option<Posture> {
         let robot = self.robot;
         let nominal = robot.nominal_towards(&self.world_from_object);
-        let posture = grasp.posture(&robot.tree, &self.world_from_object, &nominal, &robot.ik)?;
+        grasp.posture(&robot.tree, &self.world_from_object, &nominal, &robot.ik)
+    }
+
+    /// The posture of a grasp, if the arm can take it without touching anything.
+    pub fn reach(&self, grasp: &Grasp) -> Option<Posture> {
+        let posture = self.posture(grasp)?;
         (self.clearance(&posture.open, 0.05) >= CLEARANCE).then_some(posture)
     }
 

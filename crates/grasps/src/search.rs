@@ -77,6 +77,11 @@ impl SearchConfig {
     pub fn thorough(robot: &Robot) -> Self {
         Self { closings: 800, enough: 60, centers: 18, ..Self::paper(robot) }
     }
+
+    /// For [`search_around`]: more of each, from fewer proposals.
+    pub fn around(robot: &Robot) -> Self {
+        Self { variants: 800, enough_variants: 8, ..Self::paper(robot) }
+    }
 }
 
 /// Grasps of an object and how they were found.
@@ -129,6 +134,20 @@ pub fn search(
         scored.extend(search.around(&scored, is_turned, progress)?);
     }
     search.end(scored, &mut |share| progress(0.9 + 0.1 * share))
+}
+
+/// Searches reliable grasps around palm poses in the object's frame, as [`search`] does around the best that it finds.
+pub fn search_around(
+    robot: &Robot,
+    object: &Object,
+    config: &SearchConfig,
+    palms: &[Isometry],
+    seed: u64,
+    mut progress: impl FnMut(f32),
+) -> Result<Vec<Scored>, SceneError> {
+    let mut search = Search::begin(robot, object, config, seed);
+    let scored = search.around_each(palms, &mut progress)?;
+    Ok(scored.into_iter().filter(|found| found.again >= config.least_lifted).collect())
 }
 
 /// Tries grasps that come from elsewhere, as [`search`] tries its own.
@@ -250,6 +269,16 @@ impl<'a> Search<'a> {
         if is_turned {
             centers.iter_mut().for_each(|pose| *pose = half_turn(self.object, pose));
         }
+        self.around_each(&centers, progress)
+    }
+
+    /// Palm poses around each of these: each that lifts, with its repeats that lifted.
+    fn around_each(
+        &mut self,
+        centers: &[Isometry],
+        progress: &mut dyn FnMut(f32),
+    ) -> Result<Vec<Scored>, SceneError> {
+        let config = self.config;
         let mut scored = Vec::new();
         for (i, center) in centers.iter().enumerate() {
             progress(i as f32 / centers.len() as f32);

@@ -8,9 +8,11 @@ use geometry::object::Object;
 use grasps::import::GraspFile;
 use grasps::kind::Scored;
 use grasps::place::{REACH_POSES, poses_served};
-use grasps::search::{GraspSet, SearchConfig, search, try_imported};
-use grasps::{Robot, tolerance};
+use grasps::search::{GraspSet, SearchConfig, search, search_around, try_imported};
+use grasps::{Robot, choice, tolerance};
 use rayon::prelude::*;
+use robot::Isometry;
+use scene::SceneError;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -25,8 +27,9 @@ pub(crate) struct Options {
     /// Look for three times as many reliable grasps.
     #[arg(long)]
     thorough: bool,
-    /// Files of reliable grasps of earlier searches, among which to choose instead of a search, by how often each lifts
-    /// when the hand comes up to 10 mm and 4 degrees beside its place.
+    /// Files of reliable grasps of earlier searches, among which, and among more around the best of them, to choose
+    /// instead of a search from the beginning: by how often each lifts when the hand comes up to 15 mm and 6 degrees
+    /// beside its place.
     #[arg(long, value_name = "FILE", num_args = 1.., conflicts_with_all = ["import", "thorough", "reliable"])]
     among: Vec<PathBuf>,
     /// Seed of the search.
@@ -50,7 +53,8 @@ pub(crate) fn run(options: &Options) -> Result<()> {
     };
     if !options.among.is_empty() {
         let found = read_reliable(&options.among)?;
-        let set = choose(&robot, (&name, &object), found, config.kinds)?;
+        let chooser = Chooser { robot: &robot, name: &name, object: &object, seed: options.seed };
+        let set = chooser.choose(found, config.kinds)?;
         return write(options, &robot, (&name, &object), &set);
     }
     let bar = Bar::new(&format!("{name}: grasps"), 100);
@@ -109,30 +113,77 @@ fn read_reliable(paths: &[PathBuf]) -> Result<Vec<Scored>> {
     Ok(paths.iter().map(read).collect::<Result<Vec<_>>>()?.concat())
 }
 
-/// Tries each grasp beside its place, and chooses the kinds that lift the most.
-fn choose(
-    robot: &Robot,
-    (name, object): (&str, &Object),
-    found: Vec<Scored>,
-    kinds: usize,
-) -> Result<GraspSet> {
-    let bar = Bar::new(&format!("{name}: tolerance"), found.len());
-    let done = AtomicUsize::new(0);
-    let share = |found: &Scored| {
-        let share = tolerance::share(robot, object, &found.grasp);
-        bar.set(1 + done.fetch_add(1, Ordering::Relaxed));
-        share
-    };
-    let shares: Vec<f64> = found.par_iter().map(share).collect::<Result<_, _>>()?;
-    bar.clear();
-    let sound = shares.iter().filter(|share| **share >= tolerance::LEAST).count();
-    Ok(GraspSet {
-        grasps: tolerance::choose(robot, object, &found, &shares, kinds),
-        proposed: 0,
-        closed: 0,
-        tried: 0,
-        lifted: 0,
-        reliable: found.len(),
-        confirmed: [found.len(), sound],
-    })
+/// Chooses among grasps by how they bear a hand beside its place.
+struct Chooser<'a> {
+    robot: &'a Robot,
+    name: &'a str,
+    object: &'a Object,
+    seed: u64,
+}
+
+/// Searches around the most tolerant grasps, and the seed from which on each of them draws.
+const ROUNDS: [u64; 2] = [100, 200];
+
+impl Chooser<'_> {
+    /// Tries each grasp beside its place, looks for more around the best, and chooses the kinds that lift the most.
+    fn choose(&self, mut found: Vec<Scored>, kinds: usize) -> Result<GraspSet> {
+        let (robot, object) = (self.robot, self.object);
+        let mut shares = self.shares(&found)?;
+        let centers = tolerance::centers(robot, object, &found, &shares);
+        let around = self.around(&centers)?;
+        shares.extend(self.shares(&around)?);
+        found.extend(around);
+
+        let served = |(found, share): (&Scored, &f64)| match *share < tolerance::LEAST {
+            true => Ok(vec![false; REACH_POSES]),
+            false => tolerance::served(robot, object, &found.grasp),
+        };
+        let served: Vec<Vec<bool>> = self.each("reach", found.par_iter().zip(&shares), served)?;
+        let sound = shares.iter().filter(|share| **share >= tolerance::LEAST).count();
+        Ok(GraspSet {
+            grasps: choice::choose(object, &found, &shares, &served, kinds),
+            proposed: 0,
+            closed: 0,
+            tried: 0,
+            lifted: 0,
+            reliable: found.len(),
+            confirmed: [found.len(), sound],
+        })
+    }
+
+    fn shares(&self, found: &[Scored]) -> Result<Vec<f64>> {
+        let share = |found: &Scored| tolerance::share(self.robot, self.object, &found.grasp);
+        self.each("tolerance", found.par_iter(), share)
+    }
+
+    /// Reliable grasps around each of these.
+    fn around(&self, centers: &[Isometry]) -> Result<Vec<Scored>> {
+        let config = SearchConfig::around(self.robot);
+        let of = |round: u64| centers.iter().enumerate().map(move |(k, at)| (round + k as u64, at));
+        let searches: Vec<_> = ROUNDS.into_iter().flat_map(of).collect();
+        let search = |(seed, center): &(u64, &Isometry)| {
+            let center = std::slice::from_ref(*center);
+            search_around(self.robot, self.object, &config, center, self.seed + seed, |_| ())
+        };
+        Ok(self.each("around", searches.par_iter(), search)?.concat())
+    }
+
+    /// Applies `f` to each on all threads, and shows how far it is.
+    fn each<T: Send, R: Send>(
+        &self,
+        what: &str,
+        items: impl IndexedParallelIterator<Item = T>,
+        f: impl Fn(T) -> Result<R, SceneError> + Sync,
+    ) -> Result<Vec<R>> {
+        let bar = Bar::new(&format!("{}: {what}", self.name), items.len());
+        let done = AtomicUsize::new(0);
+        let one = |item: T| {
+            let result = f(item);
+            bar.set(1 + done.fetch_add(1, Ordering::Relaxed));
+            result
+        };
+        let results = items.map(one).collect::<Result<_, _>>()?;
+        bar.clear();
+        Ok(results)
+    }
 }

@@ -16,9 +16,6 @@ use rand_chacha::ChaCha8Rng;
 use robot::{DOF, Isometry, JointState, JointVector, Limits};
 use scene::config::CONTROL_PERIOD;
 
-/// Height (m) by which a planned lift raises the palm beyond that at which an object counts as held.
-const LIFT_MARGIN: f64 = 0.004;
-
 /// What is known when the approach is planned.
 pub(crate) struct Sight<'a> {
     /// Where it happens.
@@ -76,11 +73,9 @@ impl Sight<'_> {
         let set = built_in(self.name).ok_or_else(unknown)?;
         let config = TrajectoryConfig::standard();
         let setting = Setting::new(robot, object, place);
-        let least = f64::from(robot.config.attempt.held_height) + LIFT_MARGIN;
         for (_, posture) in setting.options(&all_sides(object, &set.grasps)) {
-            // Close to its base the arm cannot raise a hand as far as one that it holds another way.
             let lift = demonstration::lift_of(&setting, &posture)?;
-            if lift.is_none_or(|lift| demonstration::rise(robot, &lift) < least) {
+            if !lift.is_some_and(|lift| demonstration::rises_enough(robot, &lift)) {
                 continue;
             }
             let palm = robot.tree.kinematics(&posture.touch).palm();
