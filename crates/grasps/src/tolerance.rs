@@ -117,3 +117,31 @@ pub fn centers(robot: &Robot, object: &Object, found: &[Scored], shares: &[f64])
     centers.extend(turned);
     centers
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::built_in::built_in;
+
+    #[test]
+    fn centers_are_the_best_of_those_that_lie_together_and_their_half_turns() {
+        let robot = Robot::standard().unwrap();
+        let object = Object::built_in("bleach").unwrap();
+        let grasps = built_in("bleach").unwrap().grasps;
+        let near = |grasp: &Grasp| {
+            let shift = Isometry::translation(0.01, 0.0, 0.0);
+            Grasp { object_from_palm: shift * grasp.object_from_palm, ..grasp.clone() }
+        };
+        let scored = |grasp| Scored { grasp, again: 10, shaken: None };
+        // The first one twice, a centimetre apart; the second one; a third that hardly ever lifts.
+        let [a, b, c] = [0, 2, 3].map(|i| grasps[i].clone());
+        let found = [near(&a), a.clone(), b.clone(), c].map(scored);
+        let centers = centers(&robot, &object, &found, &[0.7, 1.0, 0.8, 0.5]);
+        let of = |grasp: &Grasp| grasp.object_from_palm;
+        assert_eq!(centers.len(), 4, "{centers:?}");
+        for palm in [of(&a), of(&b)] {
+            assert!(centers[..2].contains(&palm), "{centers:?}");
+            assert!(centers[2..].contains(&half_turn(&object, &palm)), "{centers:?}");
+        }
+    }
+}
