@@ -29,7 +29,8 @@ struct Sides {
 /// most to the share of attempts that lift, over object poses. The one that lifts the most comes first: it is taken
 /// wherever it serves.
 ///
-/// Of each grasp: the share of its trials ([`crate::tolerance::share`]) that it lifts, and where it serves ([`crate::tolerance::served`]).
+/// Of each grasp: the share of its trials that it lifts ([`crate::tolerance::share`]), and where it serves
+/// ([`crate::tolerance::served`]).
 pub fn choose(
     object: &Object,
     found: &[Scored],

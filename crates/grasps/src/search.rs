@@ -136,17 +136,16 @@ pub fn search(
     search.end(scored, &mut |share| progress(0.9 + 0.1 * share))
 }
 
-/// Searches reliable grasps around palm poses in the object's frame, as [`search`] does around the best that it finds.
+/// Searches reliable grasps around a palm pose in the object's frame, as [`search`] does around the best that it finds.
 pub fn search_around(
     robot: &Robot,
     object: &Object,
     config: &SearchConfig,
-    palms: &[Isometry],
+    palm: Isometry,
     seed: u64,
-    mut progress: impl FnMut(f32),
 ) -> Result<Vec<Scored>, SceneError> {
     let mut search = Search::begin(robot, object, config, seed);
-    let scored = search.around_each(palms, &mut progress)?;
+    let scored = search.around_each(&[palm], &mut |_| ())?;
     Ok(scored.into_iter().filter(|found| found.again >= config.least_lifted).collect())
 }
 

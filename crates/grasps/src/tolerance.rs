@@ -133,7 +133,7 @@ mod tests {
             Grasp { object_from_palm: shift * grasp.object_from_palm, ..grasp.clone() }
         };
         let scored = |grasp| Scored { grasp, again: 10, shaken: None };
-        // The first one twice, a centimetre apart; the second one; a third that hardly ever lifts.
+        // The first one twice, a centimetre apart; the second one; a third that lifts half of the time.
         let [a, b, c] = [0, 2, 3].map(|i| grasps[i].clone());
         let found = [near(&a), a.clone(), b.clone(), c].map(scored);
         let centers = centers(&robot, &object, &found, &[0.7, 1.0, 0.8, 0.5]);

@@ -162,8 +162,7 @@ impl Chooser<'_> {
         let of = |round: u64| centers.iter().enumerate().map(move |(k, at)| (round + k as u64, at));
         let searches: Vec<_> = ROUNDS.into_iter().flat_map(of).collect();
         let search = |(seed, center): &(u64, &Isometry)| {
-            let center = std::slice::from_ref(*center);
-            search_around(self.robot, self.object, &config, center, self.seed + seed, |_| ())
+            search_around(self.robot, self.object, &config, **center, self.seed + seed)
         };
         Ok(self.each("around", searches.par_iter(), search)?.concat())
     }
