@@ -1,10 +1,11 @@
 //! What a dataset holds, and the sizes that have names.
 
-use geometry::catalog::{CATALOG, LOOK_ALIKES};
+use geometry::catalog::CATALOG;
 
 /// Counts the changes of what a configuration makes: 3, Parquet in LeRobot's layout; 4, surfaces of objects; 5, overlap;
-/// 6, each object stands at poses of its own; 7, the hand leaves straight back and wide open, within 8 s.
-pub const VERSION: u32 = 7;
+/// 6, each object stands at poses of its own; 7, the hand leaves straight back and wide open, within 8 s; 8, grasps by
+/// family.
+pub const VERSION: u32 = 8;
 
 /// What a dataset holds; this and the program decide its bytes.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -16,6 +17,9 @@ pub struct DatasetConfig {
     pub seed: u64,
     /// Objects with demonstrations.
     pub objects: Vec<String>,
+    /// Whether the grasps of a family's exemplar ([`geometry::catalog::exemplar_of`]), carried over, come before an
+    /// object's own: what looks alike is then grasped alike.
+    pub grasps_by_family: bool,
     /// Poses of each of them on the table (the paper's grid G). Those of the next object go on where these end, so that
     /// objects that are grasped alike are so at many poses.
     pub poses: usize,
@@ -46,7 +50,7 @@ pub const PRESETS: [(&str, &str); 5] = [
     ("small", "minutes: two objects, 24 poses each, 32 demonstrations of each"),
     ("variants", "made models/default: 220 poses each of a box in 2 proportions and a bottle in 8"),
     ("paper", "the paper's size: K = 192 object poses, M = 256 demonstrations of each"),
-    ("families", "the training objects of all families, 8 poses each, 64 demonstrations of each"),
+    ("families", "the training objects of all families, 40 poses each, grasped alike in a family"),
 ];
 
 /// The objects that the paper's policies learn to grasp.
@@ -75,6 +79,7 @@ impl DatasetConfig {
             version: VERSION,
             seed,
             objects: owned(&TAUGHT),
+            grasps_by_family: false,
             poses: 24,
             trajectories: 32,
             overlap: false,
@@ -120,13 +125,16 @@ impl DatasetConfig {
             },
             "families" => {
                 let taught = CATALOG.iter().filter(|entry| entry.is_for_training());
-                let families: Vec<&str> =
-                    taught.filter(|entry| entry.family != LOOK_ALIKES).map(|e| e.name).collect();
+                let families: Vec<&str> = taught.map(|entry| entry.name).collect();
                 Self {
-                    encoder_objects: owned(&[&ENCODED, families.as_slice()].concat()),
+                    encoder_objects: owned(&families),
                     objects: owned(&families),
-                    poses: 8,
-                    trajectories: 64,
+                    grasps_by_family: true,
+                    poses: 40,
+                    trajectories: 2,
+                    overlap: true,
+                    audits: 0,
+                    perturbed: 0,
                     turns: 8,
                     encoder_clouds: 700,
                     ..small

@@ -11,7 +11,7 @@ use crate::part::Part;
 use crate::poses::spread_pose;
 use crate::store;
 use anyhow::{Context, Result, bail};
-use geometry::catalog::base_of;
+use geometry::catalog::{base_of, exemplar_of};
 use geometry::object::Object;
 use geometry::surface;
 use grasps::search::{GraspSet, SearchConfig, search};
@@ -69,26 +69,43 @@ impl Dataset {
         Manifest::read(&self.dir)
     }
 
-    /// The grasps of every object: those of the project, carried over from what it is a variant of, or found by search.
+    /// The grasps of every object.
     fn make_grasps(&self, robot: &Robot, objects: &Objects, observer: &dyn Observer) -> Result<()> {
         let names = &self.config.objects;
         let stage = Stage::new("grasps", names.len(), observer, |i| self.grasps_path(&names[i]));
         stage.make(|i| {
             let object = object(objects, &names[i])?;
-            // A mesh of somebody else's may have the name of one of ours.
-            let ours = Object::built_in(&names[i]).filter(|ours| ours.hash() == object.hash());
-            let known = ours.and_then(|_| base_of(&names[i])).and_then(|(base, variant)| {
-                Some((Object::built_in(base)?, built_in::built_in(base)?, variant))
-            });
-            let (config, seed) = (SearchConfig::paper(robot), self.config.seed);
-            let mut set = match known {
-                Some((_, set, 0)) => set,
-                Some((base, set, _)) => transfer(robot, &base, &set, object, &config, seed)?,
-                None => search(robot, object, &config, seed, |_| ())?.0,
-            };
+            let mut set = self.grasps_of(robot, &names[i], object)?;
             set.grasps = all_sides(object, &set.grasps);
             Ok(serde_json::to_vec_pretty(&set)?)
         })
+    }
+
+    /// The grasps of one object: those of the project, carried over from what it is a variant of or from the exemplar of
+    /// its family, or found by search.
+    fn grasps_of(&self, robot: &Robot, name: &str, object: &Object) -> Result<GraspSet> {
+        let (search_config, seed) = (SearchConfig::paper(robot), self.config.seed);
+        let carried = |from: &str| -> Result<Option<GraspSet>> {
+            let source = Object::built_in(from).zip(built_in::built_in(from));
+            let carry = |(base, set)| transfer(robot, &base, &set, object, &search_config, seed);
+            Ok(source.map(carry).transpose()?)
+        };
+        // A mesh of somebody else's may have the name of one of ours.
+        let ours = Object::built_in(name).filter(|ours| ours.hash() == object.hash());
+        let own = match ours.and_then(|_| base_of(name)) {
+            Some((base, 0)) => built_in::built_in(base),
+            Some((base, _)) => carried(base)?,
+            None => None,
+        };
+        let exemplar = exemplar_of(name).filter(|exemplar| *exemplar != name);
+        match (own, exemplar.filter(|_| self.config.grasps_by_family)) {
+            (Some(own), None) => Ok(own),
+            (Some(own), Some(exemplar)) => {
+                let first = carried(exemplar)?;
+                Ok(first.map_or(own.clone(), |first| first.followed_by(own)))
+            }
+            (None, _) => Ok(search(robot, object, &search_config, seed, |_| ())?.0),
+        }
     }
 
     /// The grasps of an object.

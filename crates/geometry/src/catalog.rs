@@ -21,6 +21,21 @@ pub const LOOK_ALIKES: &str = "ycb";
 /// Families that no network of the project learns from.
 const HELD_OUT: [&str; 3] = ["jars", "sprays", "toys"];
 
+/// Whose grasps the objects of a family are tried with first. Those of the paper's objects come from the longest search,
+/// and a can is grasped as a jar is, a spray as a bottle.
+const EXEMPLARS: [(&str, &str); 10] = [
+    ("boxes", "sugar_box"),
+    ("cans", "soup_can"),
+    ("bottles", "bleach"),
+    ("bowls", "rice_bowl"),
+    ("mugs", "coffee_mug"),
+    ("tools", "torch"),
+    ("balls", "softball"),
+    ("jars", "soup_can"),
+    ("sprays", "bleach"),
+    ("toys", "wooden_block"),
+];
+
 /// The object of the paper that neither encoder nor policy sees before it is tried (paper §IV).
 const UNSEEN: &str = "mustard";
 
@@ -75,6 +90,14 @@ impl Object {
         let object = entry.file().ok()?.object().ok()?;
         if variant == 0 { Some(object) } else { object.scaled(name, proportions(variant)).ok() }
     }
+}
+
+/// The object whose grasps those like this one are tried with first, for whoever wants them grasped alike; a look-alike
+/// is its own.
+pub fn exemplar_of(name: &str) -> Option<&'static str> {
+    let entry = CATALOG.iter().find(|entry| entry.name == name)?;
+    let of_family = EXEMPLARS.iter().find(|(family, _)| *family == entry.family);
+    Some(of_family.map_or(entry.name, |(_, exemplar)| exemplar))
 }
 
 /// The object that a variant is one of, and its number; 0 for the object itself.
@@ -173,6 +196,20 @@ mod tests {
         assert_eq!(listed, files);
         let names: BTreeSet<_> = CATALOG.iter().map(|entry| entry.name).collect();
         assert!(names.len() == CATALOG.len(), "a name stands twice");
+    }
+
+    #[test]
+    fn every_family_is_grasped_like_an_object_that_is_learned_from() {
+        for entry in CATALOG {
+            let exemplar = exemplar_of(entry.name).unwrap();
+            let is_taught = |entry: &Entry| entry.name == exemplar && entry.is_for_training();
+            let is_own = entry.name == exemplar;
+            let is_held_out = HELD_OUT.contains(&entry.family);
+            assert!(is_own || is_held_out || CATALOG.iter().any(is_taught), "{}", entry.name);
+        }
+        assert_eq!(exemplar_of("wine_bottle"), Some("bleach"));
+        assert_eq!(exemplar_of("cracker_box"), Some("cracker_box"));
+        assert_eq!(exemplar_of("bleach.2"), None);
     }
 
     #[test]

@@ -104,6 +104,24 @@ pub struct GraspSet {
     pub confirmed: [usize; 2],
 }
 
+impl GraspSet {
+    /// These grasps, and those of another set after them, as more kinds; counts of both.
+    pub fn followed_by(mut self, later: Self) -> Self {
+        let kinds = self.grasps.last().map_or(0, |last| last.kind + 1);
+        let later_kinds = later.grasps.into_iter();
+        self.grasps.extend(later_kinds.map(|grasp| Grasp { kind: kinds + grasp.kind, ..grasp }));
+        Self {
+            grasps: self.grasps,
+            proposed: self.proposed + later.proposed,
+            closed: self.closed + later.closed,
+            tried: self.tried + later.tried,
+            lifted: self.lifted + later.lifted,
+            reliable: self.reliable + later.reliable,
+            confirmed: std::array::from_fn(|i| self.confirmed[i] + later.confirmed[i]),
+        }
+    }
+}
+
 /// A search under way.
 pub(crate) struct Search<'a> {
     robot: &'a Robot,

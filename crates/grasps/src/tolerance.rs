@@ -12,7 +12,7 @@ use crate::place::{Planned, reach, reach_poses};
 use crate::trial::{self, Endurance, Physics, TrialOutcome};
 use crate::{Robot, Setting, cluster, demonstration, proposal};
 use geometry::object::Object;
-use rand::SeedableRng;
+use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use robot::Isometry;
 use scene::SceneError;
@@ -20,9 +20,12 @@ use scene::SceneError;
 /// Trials of each grasp with arm and hand.
 const TRIALS: usize = 24;
 
-/// How far the palm is beside its place, at most: along each axis (m), about each axis (rad).
+/// How far the palm is beside its place, at most: along each of its axes (m), about each (rad).
 const SHIFT: f64 = 0.015;
 const TURN: f64 = 0.1;
+
+/// How far beside that in height (m): an object never seen is taller or lower than those that were taught.
+const HEIGHT: f64 = 0.015;
 
 /// Of the first so many trials at least so many must lift, or no more are made.
 const FIRST: [usize; 2] = [8, 4];
@@ -53,6 +56,8 @@ pub fn share(robot: &Robot, object: &Object, grasp: &Grasp) -> Result<f64, Scene
             return Ok(0.0);
         }
         let palm = proposal::vary_palm(&grasp.object_from_palm, SHIFT, TURN, &mut rng);
+        let raised = Isometry::translation(0.0, 0.0, rng.random_range(-HEIGHT..=HEIGHT));
+        let palm = raised * palm;
         let beside = Grasp { object_from_palm: palm, ..grasp.clone() };
         lifted += usize::from(lifts(&planned.setting, &beside)?);
     }

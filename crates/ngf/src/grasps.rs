@@ -29,7 +29,7 @@ pub(crate) struct Options {
     thorough: bool,
     /// Files of reliable grasps of earlier searches, among which, and among more around the best of them, to choose
     /// instead of a search from the beginning: by how often each lifts when the hand comes up to 15 mm and 6 degrees
-    /// beside its place.
+    /// beside its place, and in height up to 30 mm.
     #[arg(long, value_name = "FILE", num_args = 1.., conflicts_with_all = ["import", "thorough", "reliable"])]
     among: Vec<PathBuf>,
     /// Seed of the search.

@@ -122,7 +122,7 @@ impl ObjectOptions {
 }
 
 /// The bytes of a file, but not many more than a mesh may have.
-fn read(path: &Path) -> std::io::Result<Vec<u8>> {
+pub(crate) fn read(path: &Path) -> std::io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
     std::fs::File::open(path)?.take(mesh::MAX_BYTES as u64 + 1).read_to_end(&mut bytes)?;
     Ok(bytes)
