@@ -1,18 +1,36 @@
-//! The HTTP side: the built page, and the models that it runs.
+//! The HTTP side: the built page, the models that it runs, and jobs that make data and models.
 //!
-//! In: a folder with the page and a folder with models. Out: one axum `Router`. Opens no socket and
-//! knows nothing of physics or learning; `ngf serve` binds it to an address.
+//! In: a folder with the page, one with models, and, for jobs, one for data. Out: one axum `Router`. Opens no socket,
+//! and does no physics or learning: a job is a process of its own, `ngf`, that reports here. `ngf serve` binds it to an
+//! address.
 
+pub mod engine;
+mod extract;
+mod guard;
 mod headers;
+mod job;
 mod model;
 mod problem;
 mod routes;
 mod state;
+mod store;
+
+use axum::response::IntoResponse;
+use tower_http::catch_panic::CatchPanicLayer;
 
 pub use problem::Problem;
 pub use state::AppState;
 
+/// The description of all requests (OpenAPI 3.1).
+pub fn openapi() -> utoipa::openapi::OpenApi {
+    routes::router().1
+}
+
 /// All routes with their headers. Every error, wherever it arises, is a [`Problem`].
 pub fn app(state: AppState) -> axum::Router {
-    routes::router().layer(axum::middleware::map_response(headers::secure)).with_state(state)
+    let guard = axum::middleware::from_fn_with_state(state.clone(), guard::guard);
+    let secure = axum::middleware::map_response(headers::secure);
+    let caught = CatchPanicLayer::custom(|_| Problem::panicked().into_response());
+    let (router, _) = routes::router();
+    router.layer(caught).layer(guard).layer(secure).with_state(state)
 }

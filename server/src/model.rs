@@ -1,8 +1,7 @@
 //! A model as a folder of files: `models/<id>/`.
 
 use crate::{AppState, Problem};
-use axum::extract::{FromRequestParts, RawPathParams};
-use axum::http::{StatusCode, request::Parts};
+use axum::http::StatusCode;
 use serde_json::{Map, Value, json};
 use std::path::PathBuf;
 
@@ -46,7 +45,7 @@ impl ModelFile {
 
 /// An id is a folder's name of lower-case letters, digits and hyphens: nothing that could lead out
 /// of the models folder.
-fn is_id(text: &str) -> bool {
+pub(crate) fn is_id(text: &str) -> bool {
     let allowed = |c: u8| c.is_ascii_lowercase() || c.is_ascii_digit() || c == b'-';
     (1..=64).contains(&text.len()) && text.bytes().all(allowed)
 }
@@ -60,6 +59,7 @@ impl Model {
                 code: "invalid_model_id",
                 detail: "a model id has 1 to 64 lower-case letters, digits and hyphens".into(),
                 hint: "GET /api/v1/models lists the ids".into(),
+                param: None,
             });
         }
         let folder = state.models.join(id);
@@ -71,6 +71,7 @@ impl Model {
                 code: "model_not_found",
                 detail: format!("there is no model \"{id}\""),
                 hint: "GET /api/v1/models lists the models; `ngf train` makes one".into(),
+                param: None,
             }),
         }
     }
@@ -133,18 +134,8 @@ impl Model {
             code: "card_invalid",
             detail: format!("card.json of model \"{}\" is not JSON: {error}", self.id),
             hint: "delete it, then write it again with `ngf evaluate --card FILE`".into(),
+            param: None,
         })
-    }
-}
-
-impl FromRequestParts<AppState> for Model {
-    type Rejection = Problem;
-
-    async fn from_request_parts(parts: &mut Parts, state: &AppState) -> Result<Self, Problem> {
-        // An id that is not UTF-8 has no parameters: it is rejected like any other bad id.
-        let params = RawPathParams::from_request_parts(parts, state).await.ok();
-        let id = params.iter().flatten().find(|(name, _)| *name == "id").map(|(_, id)| id);
-        Self::find(state, id.unwrap_or_default()).await
     }
 }
 

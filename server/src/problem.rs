@@ -1,5 +1,7 @@
 //! The one shape of an error: `application/problem+json` (RFC 9457).
 
+use crate::job::Job;
+use crate::store::StoreError;
 use axum::Json;
 use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
@@ -16,6 +18,8 @@ pub struct Problem {
     pub detail: String,
     /// What to do about it.
     pub hint: String,
+    /// Which parameter is meant, if one is.
+    pub param: Option<String>,
 }
 
 impl Problem {
@@ -26,6 +30,7 @@ impl Problem {
             code: "not_found",
             detail: format!("there is nothing at {path}"),
             hint: "GET /api/v1/models lists the models; the page is at /".into(),
+            param: None,
         }
     }
 
@@ -36,6 +41,7 @@ impl Problem {
             code: "method_not_allowed",
             detail: format!("{path} does not answer {method}"),
             hint: "the Allow header names the methods that it answers".into(),
+            param: None,
         }
     }
 
@@ -46,14 +52,195 @@ impl Problem {
             code: "file_unreadable",
             detail: format!("a file could not be read: {error}"),
             hint: "check that the server may read its page and models folders".into(),
+            param: None,
         }
+    }
+}
+
+/// Problems of jobs.
+impl Problem {
+    fn new(
+        status: StatusCode,
+        code: &'static str,
+        detail: String,
+        hint: impl Into<String>,
+    ) -> Self {
+        Self { status, code, detail, hint: hint.into(), param: None }
+    }
+
+    /// The body is no JSON.
+    pub(crate) fn malformed(why: &str) -> Self {
+        let detail = format!("the body is no JSON: {why}");
+        Self::new(StatusCode::BAD_REQUEST, "malformed_json", detail, "send a JSON object")
+    }
+
+    /// A change needs the token.
+    pub(crate) fn unauthorized() -> Self {
+        let detail = "this needs the server's token".to_owned();
+        let hint =
+            "send it as `Authorization: Bearer TOKEN`; it is in the file given with --token-file";
+        Self::new(StatusCode::UNAUTHORIZED, "unauthorized", detail, hint)
+    }
+
+    /// A page of somebody else's asks.
+    pub(crate) fn foreign_origin(origin: &str) -> Self {
+        let detail = format!("pages of {origin} may not change anything here");
+        let hint = "ask from the server's own page, or without a browser";
+        Self::new(StatusCode::FORBIDDEN, "foreign_origin", detail, hint)
+    }
+
+    /// A parameter in the address cannot be read.
+    pub(crate) fn invalid_address(why: &str) -> Self {
+        let hint = "GET /openapi.json describes every request";
+        Self::new(StatusCode::BAD_REQUEST, "invalid_address", why.to_owned(), hint)
+    }
+
+    /// A parameter is not as it must be.
+    pub(crate) fn invalid(param: &str, detail: impl Into<String>) -> Self {
+        let detail = format!("{param}: {}", detail.into());
+        let hint = "GET /openapi.json describes every request";
+        let problem =
+            Self::new(StatusCode::UNPROCESSABLE_ENTITY, "invalid_parameter", detail, hint);
+        Self { param: Some(param.to_owned()), ..problem }
+    }
+
+    /// What a job is to work on is not there.
+    pub(crate) fn missing_input(param: &str, id: &str) -> Self {
+        let hint = "GET /api/v1/datasets and /api/v1/models list what there is";
+        let problem = Self::invalid(&format!("params.{param}"), format!("there is no \"{id}\""));
+        Self { code: "input_not_found", hint: hint.into(), ..problem }
+    }
+
+    /// There is no such job.
+    pub(crate) fn no_job(id: &str) -> Self {
+        let detail = format!("there is no job \"{id}\"");
+        Self::new(StatusCode::NOT_FOUND, "job_not_found", detail, "GET /api/v1/jobs lists the jobs")
+    }
+
+    /// A job cannot be asked for that.
+    pub(crate) fn no_verb(verb: &str) -> Self {
+        let detail = format!("a job cannot be asked to \"{verb}\"");
+        let hint = "it can be asked to cancel, pause, resume, retry and clone";
+        Self::new(StatusCode::NOT_FOUND, "unknown_action", detail, hint)
+    }
+
+    /// A job does not stand where that is possible.
+    pub(crate) fn invalid_state(job: &Job, what: &str) -> Self {
+        let status = job.status.name();
+        let detail = format!("{} is {status}: it cannot be {what}", job.id);
+        let hint =
+            "GET the job for its status; what can be done from there is in the documentation";
+        Self::new(StatusCode::CONFLICT, "invalid_state", detail, hint)
+    }
+
+    /// A key was used for another request.
+    pub(crate) fn key_reused() -> Self {
+        let detail = "this Idempotency-Key was used with another body".to_owned();
+        let hint = "use a new key for a new request";
+        Self::new(StatusCode::UNPROCESSABLE_ENTITY, "idempotency_key_reused", detail, hint)
+    }
+
+    /// A key was used for a job that was deleted.
+    pub(crate) fn key_of_deleted() -> Self {
+        let detail = "the job of this Idempotency-Key was deleted".to_owned();
+        let hint = "use a new key for a new job";
+        Self::new(StatusCode::CONFLICT, "idempotency_key_spent", detail, hint)
+    }
+
+    /// Too many jobs wait.
+    pub(crate) fn queue_full(most: usize) -> Self {
+        let detail = format!("{most} jobs wait already");
+        let hint = "try again later, or cancel some";
+        Self::new(StatusCode::SERVICE_UNAVAILABLE, "queue_full", detail, hint)
+    }
+
+    /// A report of a process that is no longer the job's.
+    pub(crate) fn not_its_turn() -> Self {
+        let detail = "this process is not, or no longer, the one that works on the job".to_owned();
+        let hint = "end at once: another one may be at work";
+        Self::new(StatusCode::CONFLICT, "not_its_turn", detail, hint)
+    }
+
+    /// The server does no jobs.
+    pub(crate) fn no_jobs() -> Self {
+        let detail = "this server has no folder for jobs".to_owned();
+        let hint = "start it with `ngf serve --data DIR`";
+        Self::new(StatusCode::NOT_FOUND, "jobs_disabled", detail, hint)
+    }
+
+    /// A stream was asked for as something else.
+    pub(crate) fn not_acceptable() -> Self {
+        let detail = "events are streamed as text/event-stream only".to_owned();
+        let hint = "GET .../events gives them as JSON";
+        Self::new(StatusCode::NOT_ACCEPTABLE, "not_acceptable", detail, hint)
+    }
+
+    /// A mesh is of no use; the message of the reader ends with the cure, as a sentence of its own.
+    pub(crate) fn unusable_mesh(message: &str) -> Self {
+        let (cause, cure) = message.rsplit_once(". ").unwrap_or((message, "Try another file"));
+        Self::new(StatusCode::UNPROCESSABLE_ENTITY, "mesh_unusable", cause.to_owned(), cure)
+    }
+
+    /// A body is too long.
+    pub(crate) fn too_large(most: usize) -> Self {
+        let detail = format!("at most {most} bytes are read");
+        let hint = "GET /api/v1 tells the limits";
+        Self::new(StatusCode::PAYLOAD_TOO_LARGE, "body_too_large", detail, hint)
+    }
+
+    /// A form cannot be read.
+    pub(crate) fn malformed_form(why: &str) -> Self {
+        let hint = "send the file as the body, or as a file of multipart/form-data";
+        Self::new(StatusCode::BAD_REQUEST, "malformed_form", why.to_owned(), hint)
+    }
+
+    /// A body ended before its end.
+    pub(crate) fn broken_off(why: &str) -> Self {
+        let detail = format!("the body broke off: {why}");
+        Self::new(StatusCode::BAD_REQUEST, "body_incomplete", detail, "send it again")
+    }
+
+    /// A handler panicked.
+    pub(crate) fn panicked() -> Self {
+        let detail = "the server made a mistake; it goes on".to_owned();
+        let hint = "please report it, with the server's log";
+        Self::new(StatusCode::INTERNAL_SERVER_ERROR, "internal", detail, hint)
+    }
+
+    /// A file does not have these bytes.
+    pub(crate) fn out_of_range(name: &str) -> Self {
+        let detail = format!("{name} does not have the bytes that were asked for");
+        let hint = "the Content-Range header gives the length";
+        Self::new(StatusCode::RANGE_NOT_SATISFIABLE, "range_not_satisfiable", detail, hint)
+    }
+
+    /// There is no such episode.
+    pub(crate) fn no_episode(why: &str) -> Self {
+        let hint = "the dataset's summary counts its episodes";
+        Self::new(StatusCode::NOT_FOUND, "episode_not_found", why.to_owned(), hint)
+    }
+
+    /// There is no such record.
+    pub(crate) fn no_record(what: &str, id: &str) -> Self {
+        let detail = format!("there is no {what} \"{id}\"");
+        let hint = format!("GET /api/v1/{what}s lists what there is");
+        Self::new(StatusCode::NOT_FOUND, "record_not_found", detail, hint)
+    }
+}
+
+impl From<StoreError> for Problem {
+    fn from(error: StoreError) -> Self {
+        eprintln!("error: {error}");
+        let hint = "look at the server's log; what was there is still there";
+        let status = StatusCode::INTERNAL_SERVER_ERROR;
+        Self::new(status, "store_failed", error.to_string(), hint)
     }
 }
 
 impl IntoResponse for Problem {
     fn into_response(self) -> Response {
         // "about:blank" says that `title` is the status's own phrase; `code` tells kinds apart.
-        let body = json!({
+        let mut body = json!({
             "type": "about:blank",
             "title": self.status.canonical_reason().unwrap_or("Error"),
             "status": self.status.as_u16(),
@@ -61,10 +248,17 @@ impl IntoResponse for Problem {
             "code": self.code,
             "hint": self.hint,
         });
+        if let Some(param) = &self.param {
+            body["errors"] = json!([{ "param": param, "detail": self.detail }]);
+        }
+        let is_busy = self.status == StatusCode::SERVICE_UNAVAILABLE;
         let mut response = (self.status, Json(body)).into_response();
         let headers = response.headers_mut();
         headers.insert(header::CONTENT_TYPE, HeaderValue::from_static("application/problem+json"));
         headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("no-store"));
+        if is_busy {
+            headers.insert(header::RETRY_AFTER, HeaderValue::from_static("10"));
+        }
         response
     }
 }

@@ -1,5 +1,6 @@
 //! What every route may read: where the files lie, and their hashes.
 
+use crate::engine::Engine;
 use std::collections::HashMap;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -14,6 +15,14 @@ pub struct AppState {
     /// One folder per model.
     pub models: Arc<Path>,
     hashes: Arc<Mutex<HashMap<PathBuf, Hashed>>>,
+    /// What does jobs, if the server does any.
+    pub(crate) engine: Option<Arc<Engine>>,
+    /// BLAKE3 of the token that changes need, if they need one.
+    token: Option<blake3::Hash>,
+    /// Origins of pages, beside our own, that may ask for changes.
+    pub(crate) origins: Arc<[String]>,
+    /// Whether the server is about to end.
+    stopping: tokio::sync::watch::Receiver<bool>,
 }
 
 /// A file's hash, good for as long as length and time of change stay.
@@ -27,7 +36,39 @@ pub(crate) struct Hashed {
 impl AppState {
     /// Serves the page from `web` and models from `models`; neither has to exist yet.
     pub fn new(web: &Path, models: &Path) -> Self {
-        Self { web: web.into(), models: models.into(), hashes: Arc::default() }
+        Self {
+            web: web.into(),
+            models: models.into(),
+            hashes: Arc::default(),
+            engine: None,
+            token: None,
+            origins: Arc::from([]),
+            stopping: tokio::sync::watch::channel(false).1,
+        }
+    }
+
+    /// Does jobs, too; streams end when `stopping` becomes true.
+    pub fn with_engine(
+        self,
+        engine: Arc<Engine>,
+        stopping: tokio::sync::watch::Receiver<bool>,
+    ) -> Self {
+        Self { engine: Some(engine), stopping, ..self }
+    }
+
+    /// Changes need this token, too.
+    pub fn with_token(self, token: &str) -> Self {
+        Self { token: Some(blake3::hash(token.as_bytes())), ..self }
+    }
+
+    /// Whether a change may be asked for with this token. Hashes are compared in constant time.
+    pub(crate) fn admits(&self, token: &str) -> bool {
+        self.token.is_none_or(|known| known == blake3::hash(token.as_bytes()))
+    }
+
+    /// Becomes true when the server is about to end.
+    pub(crate) fn stopping(&self) -> tokio::sync::watch::Receiver<bool> {
+        self.stopping.clone()
     }
 
     /// Length and BLAKE3 of a file, computed once until the file changes; `None` if there is none.

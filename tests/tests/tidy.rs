@@ -10,8 +10,8 @@ use toml::{Table, Value};
 /// Our own crates that each crate may use at run time.
 ///
 /// The design's table, with two remarks. `policy`, `rollout` and what lies below them reach the
-/// browser, so candle stays above. `server` may use `imitation` for the jobs that it will run; today it
-/// only serves files and needs none of ours.
+/// browser, so candle stays above. `server` knows from `dataset` and `imitation` what can be asked of a job; the work
+/// is done by `ngf`, a process of its own.
 const MAY_USE: [(&str, &[&str]); 14] = [
     ("geometry", &[]),
     ("robot", &["geometry"]),
@@ -61,7 +61,7 @@ const MAY_USE: [(&str, &[&str]); 14] = [
 
 /// The only crates that may use a library whose types stay in one place. The command line caps
 /// threads with rayon; everything below `dataset` runs on the thread it is called on.
-const KEPT_IN: [(&str, &[&str]); 9] = [
+const KEPT_IN: [(&str, &[&str]); 11] = [
     ("rapier3d", &["scene"]),
     ("parry3d", &["geometry"]),
     ("candle-core", &["imitation"]),
@@ -69,6 +69,8 @@ const KEPT_IN: [(&str, &[&str]); 9] = [
     ("rayon", &["dataset", "imitation", "ngf"]),
     ("parquet", &["dataset"]),
     ("arrow-array", &["dataset"]),
+    ("sqlx", &["server"]),
+    ("object_store", &["server"]),
     ("tokio", &["server", "ngf"]),
     ("wasm-bindgen", &["wasm"]),
 ];

@@ -14,6 +14,7 @@ mod parts;
 mod ply;
 mod ply_header;
 mod read;
+mod report;
 #[cfg(test)]
 mod samples;
 mod split;
@@ -27,6 +28,7 @@ pub use hull::hull;
 pub use mass::{Solid, solid};
 pub use parts::{Method, Parts, convex_parts, convex_parts_or_hull};
 pub use read::{MAX_BYTES, MAX_TRIANGLES, read};
+pub use report::Report;
 pub use unit::{Unit, UnitGuess, guess};
 
 use crate::Vec3;

@@ -1,13 +1,14 @@
 //! `ngf evaluate`: attempts by the protocol, with controls, as a table and as JSON.
 
+use crate::bar::Bar;
 use crate::card;
 use crate::objects::ObjectOptions;
 use anyhow::{Context, Result, bail};
 use dataset::store;
 use imitation::evaluation::{self, Report};
-use indicatif::ProgressBar;
 use rollout::{Controller, Workcell};
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// What to evaluate.
 #[derive(clap::Args)]
@@ -73,15 +74,15 @@ pub(crate) fn run(options: &Options) -> Result<()> {
     }
     let mut reports = Vec::new();
     for (controller, object, label) in runs {
-        let bar = ProgressBar::new(options.attempts as u64);
+        let (bar, done) = (Bar::new(&label, options.attempts), AtomicUsize::new(0));
         let seeds = options.seed..options.seed + options.attempts as u64;
         let advance = |_: &rollout::Attempt| {
-            bar.inc(1);
+            bar.set(1 + done.fetch_add(1, Ordering::Relaxed));
             Ok(())
         };
         let mut report =
             evaluation::evaluate(&workcell, &object, &name, &controller, pose, seeds, &advance)?;
-        bar.finish_and_clear();
+        bar.clear();
         report.policy = label;
         report.model_hash.clone_from(&model_hash);
         print(&report);

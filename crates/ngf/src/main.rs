@@ -8,8 +8,10 @@ mod engine;
 mod environment;
 mod evaluate;
 mod grasps;
+mod mesh;
 mod objects;
 mod replay;
+mod report;
 mod serve;
 mod suite;
 mod train;
@@ -30,6 +32,8 @@ enum Command {
     Serve(serve::Options),
     /// List the built-in objects, or draw them on a contact sheet.
     Objects(objects::SheetOptions),
+    /// Say what a mesh file is, and split it into convex parts.
+    Mesh(mesh::Options),
     /// Search grasps of an object in physics.
     Grasps(grasps::Options),
     /// Make demonstrations and clouds, or look into a dataset.
@@ -48,22 +52,29 @@ enum Command {
 }
 
 fn main() -> std::process::ExitCode {
-    let result = match Cli::parse().command {
-        Command::Serve(options) => serve::run(&options),
-        Command::Objects(options) => objects::run(&options),
-        Command::Grasps(options) => grasps::run(&options),
-        Command::Dataset(options) => dataset::run(&options),
-        Command::Train(options) => train::run(&options),
-        Command::Evaluate(options) => evaluate::run(&options),
-        Command::Suite(options) => suite::run(&options),
-        Command::Bench(options) => bench::run(&options),
-        Command::Replay(options) => replay::run(&options),
-    };
+    let command = Cli::parse().command;
+    let result = report::begin().and_then(|()| run(&command));
+    report::end(&result);
     match result {
         Ok(()) => std::process::ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("error: {error:#}");
             std::process::ExitCode::from(2)
         }
+    }
+}
+
+fn run(command: &Command) -> anyhow::Result<()> {
+    match command {
+        Command::Serve(options) => serve::run(options),
+        Command::Objects(options) => objects::run(options),
+        Command::Mesh(options) => mesh::run(options),
+        Command::Grasps(options) => grasps::run(options),
+        Command::Dataset(options) => dataset::run(options),
+        Command::Train(options) => train::run(options),
+        Command::Evaluate(options) => evaluate::run(options),
+        Command::Suite(options) => suite::run(options),
+        Command::Bench(options) => bench::run(options),
+        Command::Replay(options) => replay::run(options),
     }
 }

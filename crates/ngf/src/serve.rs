@@ -1,19 +1,31 @@
-//! `ngf serve`: binds the server to the loopback address until it is told to stop.
+//! `ngf serve`: binds the server to an address until it is told to stop; with a folder for data, it does jobs.
 
-use anyhow::Context;
+use anyhow::{Context, bail};
+use server::AppState;
+use server::engine::{Engine, EngineConfig};
 use std::io::Write;
-use std::net::{Ipv4Addr, SocketAddr};
+use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
+use std::sync::Arc;
 use std::time::Duration;
 
 /// Downloads still running when the server is told to stop may take this long.
 const GRACE: Duration = Duration::from_secs(3);
 
+/// Characters of a token, at least.
+const SHORTEST_TOKEN: usize = 16;
+
 /// Where to listen and what to serve.
 #[derive(clap::Args)]
 pub(crate) struct Options {
-    /// Port on 127.0.0.1; 0 takes any free one.
+    /// Address to listen on; any but the loopback one needs --token-file.
+    #[arg(long, value_name = "ADDR", default_value_t = IpAddr::V4(Ipv4Addr::LOCALHOST))]
+    bind: IpAddr,
+    /// File with the token that changes need: 16 characters at least.
+    #[arg(long, value_name = "FILE")]
+    token_file: Option<PathBuf>,
+    /// Port; 0 takes any free one.
     #[arg(long, default_value_t = 8787)]
     port: u16,
     /// Folder of the built page.
@@ -22,6 +34,12 @@ pub(crate) struct Options {
     /// Folder of the models, one folder each.
     #[arg(long, value_name = "DIR", default_value = "models")]
     models: PathBuf,
+    /// Folder of jobs and what comes of them; without it, the server does none.
+    #[arg(long, value_name = "DIR")]
+    data: Option<PathBuf>,
+    /// Jobs at a time.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    places: usize,
     /// Open the page in a browser.
     #[arg(long)]
     open: bool,
@@ -33,7 +51,8 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
 }
 
 async fn serve(options: &Options) -> anyhow::Result<()> {
-    let wanted = SocketAddr::from((Ipv4Addr::LOCALHOST, options.port));
+    let wanted = SocketAddr::from((options.bind, options.port));
+    let token = token(options)?;
     let listener = tokio::net::TcpListener::bind(wanted).await.with_context(|| {
         format!("cannot listen on {wanted}; if it is in use, choose another with --port")
     })?;
@@ -44,8 +63,20 @@ async fn serve(options: &Options) -> anyhow::Result<()> {
         open(&address);
     }
 
-    let app = server::app(server::AppState::new(&options.web, &options.models));
     let (stopping, mut stopped) = tokio::sync::watch::channel(false);
+    let engine = engine(options).await?;
+    let mut state = AppState::new(&options.web, &options.models);
+    if let Some(token) = &token {
+        state = state.with_token(token);
+    }
+    if let Some(engine) = &engine {
+        state = state.with_engine(engine.clone(), stopped.clone());
+    }
+    let app = server::app(state);
+    let working = engine.clone().map(|engine| {
+        let address = address.clone();
+        tokio::spawn(async move { engine.work(&address).await })
+    });
     let serving = axum::serve(listener, app).with_graceful_shutdown(async move {
         stop_signal().await;
         stopping.send_replace(true);
@@ -55,10 +86,49 @@ async fn serve(options: &Options) -> anyhow::Result<()> {
         stopped.wait_for(|stopped| *stopped).await.ok();
         tokio::time::sleep(GRACE).await;
     };
-    tokio::select! {
+    let result = tokio::select! {
         result = serving => result.context("the server failed"),
         () = deadline => Ok(()),
+    };
+    if let Some(working) = working {
+        working.abort();
     }
+    if let Some(engine) = engine {
+        engine.rest().await;
+    }
+    result
+}
+
+/// The token that changes need, if they need one.
+fn token(options: &Options) -> anyhow::Result<Option<String>> {
+    let Some(path) = &options.token_file else {
+        if !options.bind.is_loopback() {
+            bail!(
+                "whoever reaches {} could start jobs: give a token with --token-file FILE, or listen on 127.0.0.1",
+                options.bind
+            );
+        }
+        return Ok(None);
+    };
+    let text = std::fs::read_to_string(path)
+        .with_context(|| format!("cannot read the token in {}", path.display()))?;
+    let token = text.trim().to_owned();
+    if token.len() < SHORTEST_TOKEN {
+        bail!("the token in {} has fewer than {SHORTEST_TOKEN} characters", path.display());
+    }
+    Ok(Some(token))
+}
+
+/// What does the jobs, if there is a folder for them.
+async fn engine(options: &Options) -> anyhow::Result<Option<Arc<Engine>>> {
+    let Some(data) = &options.data else { return Ok(None) };
+    let config = EngineConfig {
+        data: data.clone(),
+        models: options.models.clone(),
+        program: std::env::current_exe().context("where this program is")?,
+        places: options.places,
+    };
+    Ok(Some(Engine::open(config).await?))
 }
 
 /// Resolves at Ctrl-C, and at SIGTERM where there is one.

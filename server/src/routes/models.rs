@@ -1,44 +1,102 @@
 //! Models: the list, the card, and the files that the page fetches.
 
+use super::artifacts;
+use crate::extract::Path;
 use crate::model::{Model, ModelFile};
+use crate::store::RecordKind;
 use crate::{AppState, Problem};
 use axum::Json;
 use axum::body::Body;
-use axum::extract::{Path, Request, State};
+use axum::extract::{Request, State};
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde_json::{Value, json};
 use tower::ServiceExt;
 use tower_http::services::ServeFile;
 
-/// All models that have weights, by id.
+/// All models that have weights: those that were there before by id, then those of jobs, newest first.
+#[utoipa::path(
+    get, path = "/models", tag = "models",
+    responses((status = 200, description = "Models with their files and cards", body = Page<Object>)),
+)]
 pub(crate) async fn list(State(state): State<AppState>) -> Result<Json<Value>, Problem> {
     let mut data = Vec::new();
     for model in Model::all(&state).await? {
         data.push(model.describe(&state).await?);
     }
+    if let Some(engine) = &state.engine {
+        let records = engine.store.records(RecordKind::Model, None, MOST_OF_JOBS).await?;
+        data.extend(records.into_iter().map(described));
+    }
     Ok(Json(json!({ "object": "list", "data": data, "has_more": false })))
 }
 
+/// Models of jobs in a list.
+const MOST_OF_JOBS: i64 = 1000;
+
+/// The record of a job's model, if it is one.
+async fn of_job(state: &AppState, id: &str) -> Result<Option<Value>, Problem> {
+    let Some(engine) = state.engine.as_ref().filter(|_| id.starts_with("mdl_")) else {
+        return Ok(None);
+    };
+    Ok(engine.store.record(RecordKind::Model, id).await?)
+}
+
+/// The record of a job's model with the addresses of its files, each under the name that the files of all models have.
+fn described(mut record: Value) -> Value {
+    let id = record["id"].as_str().unwrap_or_default().to_owned();
+    let Some(files) = record["files"].as_object_mut() else { return record };
+    let named = std::mem::take(files).into_iter().map(|(file_name, mut file)| {
+        let known = ModelFile::ALL.iter().find(|known| known.file_name == file_name);
+        let name = known.map_or(file_name, |known| known.name.to_owned());
+        let hash = file["blake3"].as_str().unwrap_or_default();
+        file["url"] = match known {
+            Some(_) => format!("/api/v1/models/{id}/{name}?blake3={hash}").into(),
+            None => format!("/api/v1/artifacts/{hash}").into(),
+        };
+        (name, file)
+    });
+    *files = named.collect();
+    record
+}
+
 /// One model.
+#[utoipa::path(
+    get, path = "/models/{id}", tag = "models", params(("id" = String, Path)),
+    responses((status = 200, description = "Its files and card", body = Object)),
+)]
 pub(crate) async fn card(
     State(state): State<AppState>,
-    model: Model,
+    Path(id): Path<String>,
 ) -> Result<Json<Value>, Problem> {
-    Ok(Json(model.describe(&state).await?))
+    match of_job(&state, &id).await? {
+        Some(record) => Ok(Json(described(record))),
+        None => Ok(Json(Model::find(&state, &id).await?.describe(&state).await?)),
+    }
 }
 
 /// One file of a model. Its ETag is its BLAKE3; an address that names the hash never changes its
 /// content and may be kept for ever, any other is checked each time.
+#[utoipa::path(
+    get, path = "/models/{id}/{file}", tag = "models",
+    params(("id" = String, Path), ("file" = String, Path, description = "weights, starts or config"), ("blake3" = Option<String>, Query, description = "The hash that it must have")),
+    responses((status = 200, description = "The file", content_type = "application/octet-stream", body = Vec<u8>), (status = 206, description = "A part of it", content_type = "application/octet-stream", body = Vec<u8>)),
+)]
 pub(crate) async fn file(
     State(state): State<AppState>,
-    model: Model,
-    Path((_, name)): Path<(String, String)>,
+    Path((id, name)): Path<(String, String)>,
     mut request: Request,
 ) -> Result<Response, Problem> {
-    let file = ModelFile::named(&name).ok_or_else(|| no_file(&model, &name))?;
+    if let (Some(record), Some(engine)) = (of_job(&state, &id).await?, &state.engine) {
+        let known = ModelFile::named(&name).and_then(|file| record["files"].get(file.file_name));
+        let hash = known.and_then(|file| file["blake3"].as_str());
+        let hash = hash.ok_or_else(|| no_file(&id, &name))?;
+        return artifacts::serve(engine, hash, request.headers()).await;
+    }
+    let model = Model::find(&state, &id).await?;
+    let file = ModelFile::named(&name).ok_or_else(|| no_file(&model.id, &name))?;
     let hashed = state.hashed(model.path(file)).await.map_err(|e| Problem::unreadable(&e))?;
-    let hash = hashed.ok_or_else(|| no_file(&model, &name))?.blake3.to_hex();
+    let hash = hashed.ok_or_else(|| no_file(&model.id, &name))?.blake3.to_hex();
 
     let asked = request.uri().query().and_then(|query| query.strip_prefix("blake3="));
     let cache = match asked {
@@ -88,13 +146,14 @@ fn names(headers: &HeaderMap, header: header::HeaderName, etag: &str) -> bool {
     tags.any(|tag| tag.trim() == "*" || tag.trim().trim_start_matches("W/") == etag)
 }
 
-fn no_file(model: &Model, name: &str) -> Problem {
+fn no_file(id: &str, name: &str) -> Problem {
     let known = ModelFile::ALL.map(|file| file.name).join(", ");
     Problem {
         status: StatusCode::NOT_FOUND,
         code: "model_file_not_found",
-        detail: format!("model \"{}\" has no file \"{name}\"", model.id),
+        detail: format!("model \"{id}\" has no file \"{name}\""),
         hint: format!("the files of a model are {known}; its card lists those that it has"),
+        param: None,
     }
 }
 
@@ -104,6 +163,7 @@ fn other_content(model: &Model, hash: &str) -> Problem {
         code: "model_changed",
         detail: format!("model \"{}\" no longer has the content that was asked for", model.id),
         hint: format!("its file now has the hash {hash}; read the card again"),
+        param: None,
     }
 }
 
@@ -113,6 +173,7 @@ fn out_of_range(file: ModelFile, refused: &Response) -> Response {
         code: "range_not_satisfiable",
         detail: format!("{} does not have the bytes that were asked for", file.file_name),
         hint: "the Content-Range header gives the length".into(),
+        param: None,
     };
     let length = refused.headers().get(header::CONTENT_RANGE).cloned();
     let mut response = problem.into_response();

@@ -28,6 +28,7 @@ pub(crate) async fn file(State(state): State<AppState>, request: Request) -> Res
             code: "file_refused",
             detail: format!("{path} could not be served as asked"),
             hint: "ask for the whole file, without conditions".into(),
+            param: None,
         }
         .into_response(),
         _ => {
@@ -45,5 +46,6 @@ fn not_built() -> Problem {
         code: "page_not_built",
         detail: "the page has not been built yet".into(),
         hint: "`cargo xtask demo` builds and serves it; or give its folder with --web".into(),
+        param: None,
     }
 }

@@ -1,5 +1,6 @@
 //! What a training says about itself: on the terminal, and in a file of JSON lines.
 
+use crate::report;
 use anyhow::{Context, Result};
 use imitation::watcher::{Progress, Watcher};
 use serde_json::{Value, json};
@@ -48,6 +49,7 @@ impl Log {
             "{} {step}/{steps}  {} {loss:.5}  {rate:.1} steps/s{minutes}",
             self.name, self.loss
         );
+        report::progress("training", "steps", now.step as usize, now.steps as usize);
         self.write(&json!({
             "step": step, "loss": loss, "gradient_norm": now.gradient,
             "samples_per_s": rate * self.batch as f64, "seconds_left": left,
@@ -56,6 +58,7 @@ impl Log {
 
     /// A line of its own.
     pub(super) fn write(&mut self, line: &Value) -> Result<()> {
+        report::metric(&Value::Object(report::flattened(line)));
         Ok(writeln!(self.file, "{line}")?)
     }
 }
@@ -67,6 +70,7 @@ impl Watcher for Log {
     }
 
     fn warn(&mut self, text: &str) {
+        report::warn(text);
         eprintln!("warning: {text}");
     }
 }

@@ -3,6 +3,7 @@
 use super::exam::Exam;
 use super::log::Log;
 use super::{Run, at_least_one};
+use crate::report;
 use ::policy::PolicyConfig;
 use ::policy::model::ModelConfig;
 use ::policy::network::{NetworkConfig, POLICIES};
@@ -24,8 +25,8 @@ pub(crate) struct Options {
     /// Folder of a model to continue from instead of beginning anew: its encoder and its policy.
     #[arg(long, value_name = "DIR")]
     from: Option<PathBuf>,
-    /// Folder of a model whose encoder is used instead of the one in the same folder: policies that are compared see
-    /// alike.
+    /// Folder of an encoder, or of a model whose encoder is used, instead of the one in the same folder: policies that
+    /// are compared see alike.
     #[arg(long, value_name = "DIR", conflicts_with = "from")]
     encoder: Option<PathBuf>,
     /// Which policy of those that are compared.
@@ -57,6 +58,9 @@ pub(super) fn train(options: &Options) -> Result<()> {
     config.horizon = options.horizon.unwrap_or(config.horizon);
     let encoder = match (&begin, &options.encoder) {
         (Some((weights, _)), _) => TrainedEncoder::of_model(weights)?,
+        (None, Some(folder)) if folder.join("encoder.safetensors").exists() => {
+            TrainedEncoder::load(folder)?
+        }
         (None, Some(model)) => TrainedEncoder::of_model(&read_model(model)?.0)?,
         (None, None) => TrainedEncoder::load(&run.out)?,
     };
@@ -111,6 +115,8 @@ impl Watcher for School<'_> {
             println!("{found}");
             self.log.write(&json!({ "step": now.step, "exam": found }))?;
             training::write_files(self.out, &files)?;
+            report::say(&format!("step {}: {found}", now.step));
+            report::checkpoint(now.step);
         }
         Ok(true)
     }

@@ -1,4 +1,4 @@
-//! Every route by request and answer, without a socket.
+//! The page, the models and what both are made of.
 
 use axum::body::Body;
 use axum::http::{Method, Request, StatusCode, header};
@@ -211,8 +211,12 @@ async fn every_error_is_a_problem() {
     ] {
         assert_problem(get(&folder, path).await, StatusCode::NOT_FOUND, code).await;
     }
-    for path in ["/api/v1/models/..", "/api/v1/models/%2e%2e%2fdefault", "/api/v1/models/%ff"] {
-        assert_problem(get(&folder, path).await, StatusCode::BAD_REQUEST, "invalid_model_id").await;
+    for (path, code) in [
+        ("/api/v1/models/..", "invalid_model_id"),
+        ("/api/v1/models/%2e%2e%2fdefault", "invalid_model_id"),
+        ("/api/v1/models/%ff", "invalid_address"),
+    ] {
+        assert_problem(get(&folder, path).await, StatusCode::BAD_REQUEST, code).await;
     }
     for path in ["/api/v1/models", "/api/v1/models/default/weights", "/healthz", "/"] {
         let request = Request::builder().method(Method::DELETE).uri(path).body(Body::empty());

@@ -1,0 +1,276 @@
+//! Jobs from outside: a server, the processes that it starts, and their violent ends.
+
+#![allow(clippy::unwrap_used, reason = "a helper of a test fails by panicking too")]
+
+use serde_json::{Value, json};
+use std::io::{BufRead, BufReader};
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+/// A server on a port of its own, killed when it is dropped.
+struct Server {
+    process: Child,
+    url: String,
+}
+
+impl Server {
+    fn start(data: &Path) -> Self {
+        Self::start_at("0", data)
+    }
+
+    /// Kills it and starts another one at the same address.
+    fn killed_and_started(self, data: &Path) -> Self {
+        let port = self.url.rsplit(':').next().unwrap().to_owned();
+        drop(self);
+        Self::start_at(&port, data)
+    }
+
+    fn start_at(port: &str, data: &Path) -> Self {
+        let mut process = Command::new(env!("CARGO_BIN_EXE_ngf"))
+            .args(["serve", "--port", port, "--data"])
+            .arg(data)
+            .stdout(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut url = String::new();
+        BufReader::new(process.stdout.take().unwrap()).read_line(&mut url).unwrap();
+        assert!(url.starts_with("http://"), "{url}");
+        Self { process, url: url.trim().to_owned() }
+    }
+
+    fn get(&self, path: &str) -> Value {
+        let url = format!("{}/api/v1{path}", self.url);
+        ureq::get(url).call().unwrap().body_mut().read_json().unwrap()
+    }
+
+    fn post(&self, path: &str, body: &Value) -> Value {
+        let url = format!("{}/api/v1{path}", self.url);
+        ureq::post(url).send_json(body).unwrap().body_mut().read_json().unwrap()
+    }
+
+    /// Asks for a job; gives its id.
+    fn ask(&self, kind: &str, params: Value) -> String {
+        let job = self.post("/jobs", &json!({ "kind": kind, "params": params }));
+        assert_eq!(job["status"], "queued", "{job}");
+        job["id"].as_str().unwrap().to_owned()
+    }
+
+    /// The job once `is_so` holds.
+    fn wait(&self, id: &str, is_so: impl Fn(&Value) -> bool) -> Value {
+        let began = Instant::now();
+        loop {
+            let job = self.get(&format!("/jobs/{id}"));
+            if is_so(&job) {
+                return job;
+            }
+            assert!(began.elapsed() < Duration::from_secs(240), "{job}");
+            std::thread::sleep(Duration::from_millis(50));
+        }
+    }
+
+    fn wait_for(&self, id: &str, status: &str) -> Value {
+        self.wait(id, |job| {
+            assert!(job["status"] != "failed" || status == "failed", "{job}");
+            job["status"] == status
+        })
+    }
+
+    /// Waits until the job has come further than before.
+    fn wait_for_progress(&self, id: &str) {
+        self.wait(id, |job| job["progress"]["completed"].as_f64().is_some_and(|done| done > 0.0));
+    }
+
+    fn events(&self, id: &str) -> Vec<Value> {
+        let mut all = Vec::new();
+        loop {
+            let after = all.last().map_or(0, |event: &Value| event["seq"].as_i64().unwrap());
+            let page = self.get(&format!("/jobs/{id}/events?after={after}&limit=100"));
+            all.extend(page["data"].as_array().unwrap().iter().cloned());
+            if page["has_more"] == false {
+                return all;
+            }
+        }
+    }
+}
+
+impl Drop for Server {
+    fn drop(&mut self) {
+        self.process.kill().ok();
+        self.process.wait().ok();
+    }
+}
+
+/// Ends a process as the kernel does that needs its memory.
+fn kill(pid: u64) {
+    assert!(Command::new("kill").args(["-9", &pid.to_string()]).status().unwrap().success());
+}
+
+/// Whether a process is at work.
+fn is_alive(pid: u64) -> bool {
+    let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).unwrap_or_default();
+    stat.split(' ').nth(2).is_some_and(|state| state != "Z")
+}
+
+/// Twenty attempts of the planner take some seconds.
+fn attempts() -> Value {
+    json!({ "model_id": "planner", "object": "sugar_box", "attempts": 20 })
+}
+
+/// The hashes of what a job made, but for its log, which has times.
+fn made(server: &Server, id: &str) -> Vec<(String, String)> {
+    let artifacts = server.get(&format!("/jobs/{id}/artifacts"));
+    let text = |artifact: &Value, name: &str| artifact[name].as_str().unwrap().to_owned();
+    let all = artifacts["data"].as_array().unwrap().iter();
+    all.map(|one| (text(one, "name"), text(one, "hash")))
+        .filter(|(name, _)| !name.ends_with(".txt") && !name.ends_with(".jsonl"))
+        .collect()
+}
+
+#[test]
+fn from_nothing_to_a_policy_with_curl_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    let server = Server::start(&folder.path().join("data"));
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/loop.sh");
+    let out = folder.path().join("model");
+    let run = Command::new(script).arg(&server.url).arg(&out).output().unwrap();
+    let said = String::from_utf8_lossy(&run.stdout).into_owned();
+    assert!(run.status.success(), "{said}\n{}", String::from_utf8_lossy(&run.stderr));
+    assert!(said.contains("of   2 lifted"), "{said}");
+    let mut evaluate = Command::new(env!("CARGO_BIN_EXE_ngf"));
+    evaluate.args(["evaluate", "--object", "sugar_box", "--attempts", "1", "--model"]).arg(&out);
+    let evaluated = evaluate.output().unwrap();
+    assert!(evaluated.status.success(), "{}", String::from_utf8_lossy(&evaluated.stderr));
+}
+
+#[test]
+fn a_killed_process_and_a_killed_server_lose_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = folder.path().join("data");
+    let mut server = Server::start(&data);
+    let whole = server.ask("policy.evaluate", attempts());
+    server.wait_for(&whole, "succeeded");
+
+    // The process alone.
+    let id = server.ask("policy.evaluate", attempts());
+    server.wait_for_progress(&id);
+    let pid = server.get(&format!("/jobs/{id}"))["worker"]["pid"].as_u64().unwrap();
+    kill(pid);
+    let job = server.wait_for(&id, "succeeded");
+    assert_eq!(job["attempt"], 2, "{job}");
+    assert_eq!(made(&server, &id), made(&server, &whole));
+
+    // The server alone: its process goes on, and reports to the next one.
+    let id = server.ask("policy.evaluate", attempts());
+    server.wait_for_progress(&id);
+    server = server.killed_and_started(&data);
+    let job = server.wait_for(&id, "succeeded");
+    assert_eq!(job["attempt"], 1, "{job}");
+    assert_eq!(made(&server, &id), made(&server, &whole));
+
+    // Both.
+    let id = server.ask("policy.evaluate", attempts());
+    server.wait_for_progress(&id);
+    let pid = server.get(&format!("/jobs/{id}"))["worker"]["pid"].as_u64().unwrap();
+    kill(pid);
+    server = server.killed_and_started(&data);
+    server.wait_for(&id, "succeeded");
+    assert_eq!(made(&server, &id), made(&server, &whole));
+    let ended = |event: &Value| event["type"] == "status" && event["data"]["status"] == "succeeded";
+    assert_eq!(server.events(&id).iter().filter(|event| ended(event)).count(), 1);
+}
+
+#[test]
+fn a_job_stops_within_a_second_and_goes_on_where_it_was() {
+    let folder = tempfile::tempdir().unwrap();
+    let server = Server::start(&folder.path().join("data"));
+    let id = server.ask("dataset.generate", json!({ "preset": "smoke" }));
+    server.wait_for_progress(&id);
+    let pid = server.get(&format!("/jobs/{id}"))["worker"]["pid"].as_u64().unwrap();
+    let began = Instant::now();
+    server.post(&format!("/jobs/{id}/pause"), &json!({}));
+    server.wait_for(&id, "paused");
+    assert!(began.elapsed() < Duration::from_secs(1), "{:?}", began.elapsed());
+    assert!(!is_alive(pid));
+    server.post(&format!("/jobs/{id}/resume"), &json!({}));
+    server.wait(&id, |job| job["status"] == "running" && job["worker"]["pid"] != pid);
+    let began = Instant::now();
+    server.post(&format!("/jobs/{id}/cancel"), &json!({}));
+    server.wait_for(&id, "cancelled");
+    assert!(began.elapsed() < Duration::from_secs(1), "{:?}", began.elapsed());
+    server.post(&format!("/jobs/{id}/retry"), &json!({}));
+    let job = server.wait_for(&id, "succeeded");
+    // As a dataset that was made in one go.
+    let again = server.ask("dataset.generate", json!({ "preset": "smoke", "threads": 1 }));
+    let again = server.wait_for(&again, "succeeded");
+    assert_eq!(job["outputs"]["dataset_id"], again["outputs"]["dataset_id"]);
+}
+
+#[test]
+fn a_stream_that_breaks_off_twenty_times_misses_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let server = Server::start(&folder.path().join("data"));
+    let id = server.ask("policy.evaluate", attempts());
+    let mut seen: Vec<Value> = Vec::new();
+    let mut is_over = false;
+    for connection in 0.. {
+        assert!(connection < 2000);
+        let last = seen.last().map_or(0, |event| event["seq"].as_i64().unwrap());
+        let url = format!("{}/api/v1/jobs/{id}/stream", server.url);
+        let answer = ureq::get(url).header("Last-Event-ID", last.to_string()).call().unwrap();
+        if answer.status() == 204 {
+            break;
+        }
+        // The first connections break off after one event each.
+        let most = if connection < 20 { 1 } else { usize::MAX };
+        let mut read = 0;
+        for line in BufReader::new(answer.into_body().into_reader()).lines() {
+            let line = line.unwrap();
+            if line == "event: done" {
+                is_over = true;
+            }
+            if let Some(data) = line.strip_prefix("data: ").filter(|_| !is_over) {
+                seen.push(serde_json::from_str(data).unwrap());
+                read += 1;
+            }
+            if read == most {
+                break;
+            }
+        }
+    }
+    server.wait_for(&id, "succeeded");
+    assert_eq!(seen, server.events(&id));
+    assert!(seen.len() > 5, "{seen:?}");
+}
+
+#[test]
+fn a_second_server_on_the_same_folder_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = folder.path().join("data");
+    let _server = Server::start(&data);
+    let second = Command::new(env!("CARGO_BIN_EXE_ngf"))
+        .args(["serve", "--port", "0", "--data"])
+        .arg(&data)
+        .output()
+        .unwrap();
+    let said = String::from_utf8_lossy(&second.stderr).into_owned();
+    assert!(!second.status.success() && said.contains("in use by another server"), "{said}");
+}
+
+#[test]
+fn an_address_that_others_reach_needs_a_token() {
+    let folder = tempfile::tempdir().unwrap();
+    let serve = |words: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_ngf"));
+        command.args(["serve", "--port", "0", "--bind", "0.0.0.0"]).args(words);
+        let output = command.output().unwrap();
+        assert!(!output.status.success());
+        String::from_utf8_lossy(&output.stderr).into_owned()
+    };
+    assert!(serve(&[]).contains("--token-file"));
+    let file = folder.path().join("token");
+    let file_name = file.to_str().unwrap();
+    assert!(serve(&["--token-file", file_name]).contains("cannot read the token"));
+    std::fs::write(&file, "short").unwrap();
+    assert!(serve(&["--token-file", file_name]).contains("fewer than 16"));
+}

@@ -1,0 +1,42 @@
+#!/bin/sh
+# From nothing to a policy that has been counted, with curl alone, at toy size (about a minute on two cores).
+#
+#     cargo run -p ngf -- serve --data DIR &
+#     docs/loop.sh http://127.0.0.1:8787 OUT      # OUT gets the model's files
+set -eu
+api=${1:?the address of a server}/api/v1
+out=${2:?a folder for the model}
+
+# The first text of this name in what curl gives.
+text() { grep -o "\"$1\":\"[^\"]*\"" | head -n 1 | cut -d '"' -f 4; }
+
+# Asks for a job and waits until it has ended; prints it.
+job() {
+    id=$(curl -fsS -H 'Content-Type: application/json' -d "$1" "$api/jobs" | text id)
+    while :; do
+        now=$(curl -fsS "$api/jobs/$id?wait=30s")
+        case $(echo "$now" | text status) in
+            succeeded) echo "$now"; return ;;
+            failed | cancelled) echo "$now" >&2; exit 1 ;;
+        esac
+    done
+}
+
+dataset=$(job '{"kind": "dataset.generate", "params": {"preset": "smoke"}}' | text dataset_id)
+echo "dataset $dataset"
+
+encoder=$(job "{\"kind\": \"encoder.train\", \"params\": {\"dataset_id\": \"$dataset\", \"steps\": 40}}" | text model_id)
+echo "encoder $encoder"
+
+policy=$(job "{\"kind\": \"policy.train\",
+    \"params\": {\"dataset_id\": \"$dataset\", \"encoder_id\": \"$encoder\", \"steps\": 200, \"batch\": 32}}" | text model_id)
+echo "policy $policy"
+
+evaluation=$(job "{\"kind\": \"policy.evaluate\",
+    \"params\": {\"model_id\": \"$policy\", \"object\": \"sugar_box\", \"attempts\": 2}}" | text id)
+curl -fsS "$api/jobs/$evaluation/logs?tail=1"
+
+mkdir -p "$out"
+curl -fsS -o "$out/weights.safetensors" "$api/models/$policy/weights"
+curl -fsS -o "$out/starts.safetensors" "$api/models/$policy/starts"
+curl -fsS -o "$out/config.json" "$api/models/$policy/config"

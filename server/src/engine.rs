@@ -1,0 +1,594 @@
+//! The engine behind jobs: it gives each a process when its turn comes, hears how it goes, and settles what became of
+//! it.
+//!
+//! A job is a folder, and a process in it that may be ended at any moment: it writes what is whole or nothing, and goes
+//! on from there. So a pause, a cancellation, a crash and a power cut are the same thing to it. A process counts for as
+//! long as it reports; what one says that is no longer the job's is refused, so that no job ends twice.
+
+mod command;
+mod launch;
+mod report;
+mod settle;
+
+pub use crate::job::{Progress, Worker};
+pub use launch::JOB_FILE;
+pub use report::{Answer, Command, Ended, JobFile, Note, Report};
+
+use crate::job::{Failure, Inputs, Job, Kind, Params, Status, Wish};
+use crate::problem::Problem;
+use crate::store::{Level, News, RecordKind, Store, StoreError, Type};
+use chrono::Utc;
+use command::Given;
+use launch::{Local, Order};
+use serde_json::{Map, json};
+use std::collections::HashMap;
+use std::fs::File;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::time::Duration;
+use tokio::sync::{Notify, oneshot};
+
+/// How jobs are done.
+#[derive(Clone, Debug)]
+pub struct EngineConfig {
+    /// Folder of everything that is kept.
+    pub data: PathBuf,
+    /// Folder of the models that were there before.
+    pub models: PathBuf,
+    /// Program that does the jobs: `ngf`.
+    pub program: PathBuf,
+    /// Jobs at a time.
+    pub places: usize,
+}
+
+/// A process that is not heard of for so long is taken for dead.
+const LEASE: Duration = Duration::from_secs(15);
+
+/// After a start of the server, processes that are still at work have so long to report.
+const ADOPTION: Duration = Duration::from_secs(5);
+
+/// Time between two looks at what waits and what has vanished.
+const PACE: Duration = Duration::from_millis(500);
+
+/// Processes of a job that may vanish in a row, without having come further, before it counts as failed.
+const MOST_LOST: u64 = 5;
+
+/// The engine.
+#[derive(Debug)]
+pub struct Engine {
+    pub(crate) store: Store,
+    config: EngineConfig,
+    launcher: Local,
+    /// Address of the server, once it is known.
+    url: OnceLock<String>,
+    /// Ends the processes that were started here: of each job the one of an attempt.
+    kills: Mutex<HashMap<String, (u64, oneshot::Sender<()>)>>,
+    wake: Notify,
+    /// Nobody else may work in the folder while this is open.
+    _lock: File,
+}
+
+/// Why an engine cannot begin.
+#[derive(Debug, thiserror::Error)]
+pub enum EngineError {
+    /// Another server uses the folder.
+    #[error("{0} is in use by another server; stop that one, or choose another folder with --data")]
+    InUse(PathBuf),
+    /// The folder cannot be used.
+    #[error("cannot use {0}: {1}")]
+    Folder(PathBuf, String),
+}
+
+impl Engine {
+    /// Opens the folder of data; refuses one that another server uses.
+    pub async fn open(config: EngineConfig) -> Result<Arc<Self>, EngineError> {
+        let data = config.data.clone();
+        let failed =
+            |error: &dyn std::fmt::Display| EngineError::Folder(data.clone(), error.to_string());
+        std::fs::create_dir_all(&config.data).map_err(|error| failed(&error))?;
+        // A job works in a folder of its own.
+        let absolute = std::path::absolute(&config.data).map_err(|error| failed(&error))?;
+        let models = std::path::absolute(&config.models).map_err(|error| failed(&error))?;
+        let config = EngineConfig { data: absolute, models, ..config };
+        let lock = File::create(config.data.join("lock")).map_err(|error| failed(&error))?;
+        lock.try_lock().map_err(|_| EngineError::InUse(config.data.clone()))?;
+        let store = Store::open(&config.data).await.map_err(|error| failed(&error))?;
+        let engine = Self {
+            store,
+            launcher: Local::new(&config.program),
+            config,
+            url: OnceLock::new(),
+            kills: Mutex::default(),
+            wake: Notify::new(),
+            _lock: lock,
+        };
+        Ok(Arc::new(engine))
+    }
+
+    /// Works until it is dropped; `url` is where processes find the server.
+    pub async fn work(self: Arc<Self>, url: &str) {
+        self.url.set(url.to_owned()).ok();
+        if let Err(error) = self.adopt().await {
+            eprintln!("warning: jobs that were running: {error}");
+        }
+        loop {
+            if let Err(error) = self.look().await {
+                eprintln!("warning: {error}");
+            }
+            tokio::select! {
+                () = self.wake.notified() => {}
+                () = tokio::time::sleep(PACE) => {}
+            }
+        }
+    }
+
+    /// Ends the processes that were started here; their jobs go on when the next server begins.
+    pub async fn rest(&self) {
+        let running = self.store.ids_in(&[Status::Running]).await.unwrap_or_default();
+        for id in running {
+            let back = |job: &mut Job, news: &mut Vec<News>| {
+                job.status = Status::Queued;
+                news.push(News::new(
+                    Type::Status,
+                    "the server stops",
+                    json!({ "status": job.status }),
+                ));
+                Ok::<_, Problem>(())
+            };
+            self.store.change(&id, back).await.ok();
+        }
+        let kills = std::mem::take(&mut *self.kills());
+        for (_, kill) in kills.into_values() {
+            kill.send(()).ok();
+        }
+        // Their guardians end them before the runtime goes.
+        tokio::time::sleep(Duration::from_millis(100)).await;
+    }
+
+    fn kills(&self) -> std::sync::MutexGuard<'_, HashMap<String, (u64, oneshot::Sender<()>)>> {
+        self.kills.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Folder of a job.
+    pub(crate) fn folder(&self, id: &str) -> PathBuf {
+        self.config.data.join("work").join(id)
+    }
+
+    /// Folder of a dataset, by its hash.
+    pub(crate) fn dataset_folder(&self, hash: &str) -> PathBuf {
+        self.config.data.join("datasets").join(hash)
+    }
+
+    /// Folder of the models that were there before.
+    pub(crate) fn models(&self) -> &Path {
+        &self.config.models
+    }
+
+    /// Gives processes that outlived the last server time to report.
+    async fn adopt(&self) -> Result<(), StoreError> {
+        let until = (Utc::now() + ADOPTION).timestamp_millis();
+        self.store.lease_all(until).await
+    }
+
+    /// Settles jobs whose process vanished, and begins with those that wait.
+    async fn look(self: &Arc<Self>) -> Result<(), StoreError> {
+        for id in self.store.expired().await? {
+            self.vanished(&id, None).await?;
+        }
+        loop {
+            let busy = self.store.ids_in(&[Status::Running, Status::Cancelling]).await?.len();
+            if busy >= self.config.places {
+                return Ok(());
+            }
+            let Some(id) = self.store.next_queued().await? else { return Ok(()) };
+            self.begin(&id).await?;
+        }
+    }
+
+    /// Gives a job a process.
+    async fn begin(self: &Arc<Self>, id: &str) -> Result<(), StoreError> {
+        // 244 random bits.
+        let half = || uuid::Uuid::new_v4().simple();
+        let token = format!("{}{}", half(), half());
+        let until = (Utc::now() + LEASE).timestamp_millis();
+        self.store.lease(id, blake3::hash(token.as_bytes()).as_bytes(), until).await?;
+        let run = |job: &mut Job, news: &mut Vec<News>| {
+            if job.status != Status::Queued {
+                return Err(());
+            }
+            (job.status, job.wish, job.error) = (Status::Running, Wish::Run, None);
+            job.attempt += 1;
+            job.started_at.get_or_insert_with(Utc::now);
+            let data = json!({ "status": job.status, "attempt": job.attempt });
+            news.push(News::new(Type::Status, "running", data));
+            Ok(())
+        };
+        let Some(Ok((job, ()))) = self.store.change(id, run).await? else { return Ok(()) };
+        if let Err(error) = self.start(&job, &token).await {
+            let failure = Failure {
+                code: "launch_failed".into(),
+                message: format!("the process could not be started: {error}"),
+                param: None,
+                hint: Some("look at the program and the data folder of the server".into()),
+            };
+            self.end(id, job.attempt, Err(failure)).await?;
+        }
+        Ok(())
+    }
+
+    /// Starts the process of a job, and somebody who waits for its end.
+    async fn start(self: &Arc<Self>, job: &Job, token: &str) -> Result<(), StoreError> {
+        let folder = self.folder(&job.id);
+        std::fs::create_dir_all(folder.join(command::OUT))?;
+        let dataset = match &job.inputs.dataset_id {
+            Some(id) => Some(self.dataset_path(id).await?),
+            None => None,
+        };
+        let model = match job.inputs.encoder_id.as_ref().or(job.inputs.model_id.as_ref()) {
+            Some(id) => self.model_folder(id, &folder).await?,
+            None => None,
+        };
+        let mesh = match &job.inputs.mesh_id {
+            Some(id) => Some(self.mesh_file(id, &folder).await?),
+            None => None,
+        };
+        let given =
+            Given { dataset: dataset.as_deref(), model: model.as_deref(), mesh: mesh.as_deref() };
+        let url = self.url.get().cloned().unwrap_or_default();
+        let told = JobFile {
+            url: format!("{url}/api/v1/jobs/{}/reports", job.id),
+            token: token.to_owned(),
+            lock: folder.join("lock"),
+        };
+        let job_file = folder.join("job.json");
+        write_secret(&job_file, &serde_json::to_vec(&told)?)?;
+        let order = Order {
+            arguments: command::arguments(&job.params, &given),
+            log: folder.join("log.txt"),
+            folder,
+            job_file,
+        };
+        let mut process = self.launcher.start(&order)?;
+        let (kill, killed) = oneshot::channel();
+        self.kills().insert(job.id.clone(), (job.attempt, kill));
+        let (engine, id, attempt) = (self.clone(), job.id.clone(), job.attempt);
+        tokio::spawn(async move {
+            tokio::select! {
+                _ = process.ended() => {}
+                // Also if the sender is gone.
+                _ = killed => process.kill().await,
+            }
+            engine.kills().retain(|other, (of, _)| *other != id || *of != attempt);
+            if let Err(error) = engine.vanished(&id, Some(attempt)).await {
+                eprintln!("warning: {id}: {error}");
+            }
+            engine.wake.notify_one();
+        });
+        Ok(())
+    }
+
+    /// Settles a job whose process is gone without having said that it is over.
+    async fn vanished(&self, id: &str, attempt: Option<u64>) -> Result<(), StoreError> {
+        let settle = |job: &mut Job, news: &mut Vec<News>| {
+            let is_its = attempt.is_none_or(|attempt| attempt == job.attempt);
+            if !is_its || !job.status.has_process() {
+                return Err(());
+            }
+            match job.wish {
+                Wish::Cancel => job.close(Status::Cancelled, news),
+                Wish::Pause => {
+                    job.status = Status::Paused;
+                    news.push(News::new(Type::Status, "paused", json!({ "status": job.status })));
+                }
+                Wish::Run => {
+                    job.lost += 1;
+                    let message = "its process vanished";
+                    let data = json!({ "code": "worker_lost", "lost": job.lost });
+                    news.push(News { level: Level::Warn, ..News::new(Type::Alert, message, data) });
+                    if job.lost > MOST_LOST {
+                        job.error = Some(Failure {
+                            code: "worker_lost".into(),
+                            message: format!("{} processes in a row vanished", job.lost),
+                            param: None,
+                            hint: Some("look at its log, and at the memory of the machine; a retry goes on from the last checkpoint".into()),
+                        });
+                        job.close(Status::Failed, news);
+                    } else {
+                        job.status = Status::Queued;
+                        let data = json!({ "status": job.status });
+                        news.push(News::new(Type::Status, "queued again", data));
+                    }
+                }
+            }
+            Ok(())
+        };
+        self.store.change(id, settle).await?;
+        self.wake.notify_one();
+        Ok(())
+    }
+
+    /// Ends a job as its process says.
+    async fn end(
+        &self,
+        id: &str,
+        attempt: u64,
+        outcome: Result<settle::Found, Failure>,
+    ) -> Result<(), StoreError> {
+        let settle = |job: &mut Job, news: &mut Vec<News>| {
+            if attempt != job.attempt || !job.status.has_process() {
+                return Err(());
+            }
+            match outcome {
+                _ if job.wish == Wish::Cancel => job.close(Status::Cancelled, news),
+                Ok(found) => {
+                    job.outputs = found.outputs;
+                    news.extend(found.news);
+                    job.close(Status::Succeeded, news);
+                }
+                Err(failure) => {
+                    job.error = Some(failure);
+                    job.close(Status::Failed, news);
+                }
+            }
+            Ok(())
+        };
+        self.store.change(id, settle).await?;
+        self.wake.notify_one();
+        Ok(())
+    }
+
+    /// Hears a report of a job's process.
+    pub(crate) async fn hear(
+        &self,
+        id: &str,
+        token: &str,
+        report: Report,
+    ) -> Result<Answer, Problem> {
+        let hash = blake3::hash(token.as_bytes());
+        let until = (Utc::now() + LEASE).timestamp_millis();
+        if !self.store.renew(id, hash.as_bytes(), until).await? {
+            return Err(Problem::not_its_turn());
+        }
+        let Report { worker, phase, progress, notes, ended } = report;
+        let checkpoints = notes.iter().filter_map(|note| match note {
+            Note::Checkpoint { step } => Some(*step),
+            _ => None,
+        });
+        let checkpoints: Vec<u64> = checkpoints.collect();
+        let told = |job: &mut Job, news: &mut Vec<News>| {
+            if worker.is_some() {
+                job.worker = worker;
+            }
+            let is_new = phase.is_some() && phase != job.phase;
+            if is_new {
+                job.phase = phase;
+            }
+            if progress.is_some() && (is_new || progress != job.progress) {
+                job.lost = 0;
+                job.progress = progress;
+                let data = json!({ "phase": job.phase, "progress": job.progress });
+                news.push(News::new(Type::Progress, job.phase.clone().unwrap_or_default(), data));
+            }
+            news.extend(notes.into_iter().filter_map(|note| match note {
+                Note::Log(text) => Some(News::new(Type::Log, text, json!({}))),
+                Note::Warning(text) => {
+                    Some(News { level: Level::Warn, ..News::new(Type::Log, text, json!({})) })
+                }
+                Note::Metric(values) => {
+                    let data = json!(values);
+                    job.latest_metrics.extend(values);
+                    Some(News::new(Type::Metric, "", data))
+                }
+                Note::Checkpoint { .. } => None,
+            }));
+            Ok::<_, Problem>(job.wish)
+        };
+        let changed = self.store.change(id, told).await?;
+        let (job, wish) = changed.ok_or_else(|| Problem::no_job(id))??;
+        for step in checkpoints {
+            self.keep_checkpoint(&job, step).await?;
+        }
+        match ended {
+            None => {}
+            Some(Ended::Done) => {
+                let found = self.settle(&job).await.map_err(|error| Failure {
+                    code: "output_unusable".into(),
+                    message: error.to_string(),
+                    param: None,
+                    hint: Some("look at its log".into()),
+                });
+                self.end(id, job.attempt, found).await?;
+            }
+            Some(Ended::Failed(message)) => {
+                let hint = Some("look at its log; a retry goes on from where it was".into());
+                let failure = Failure { code: "job_failed".into(), message, param: None, hint };
+                self.end(id, job.attempt, Err(failure)).await?;
+            }
+        }
+        let command = if wish == Wish::Run { Command::Go } else { Command::Stop };
+        Ok(Answer { command })
+    }
+
+    /// Asks that a job is cancelled; harmless if it is.
+    pub(crate) async fn cancel(&self, id: &str) -> Result<Job, Problem> {
+        self.ask(id, |job, news| match job.status {
+            Status::Queued | Status::Paused => {
+                job.close(Status::Cancelled, news);
+                Ok(())
+            }
+            Status::Running => {
+                (job.status, job.wish) = (Status::Cancelling, Wish::Cancel);
+                news.push(News::new(Type::Status, "cancelling", json!({ "status": job.status })));
+                Ok(())
+            }
+            Status::Cancelling | Status::Cancelled => Ok(()),
+            Status::Succeeded | Status::Failed => Err(Problem::invalid_state(job, "cancelled")),
+        })
+        .await
+    }
+
+    /// Asks that a job is paused.
+    pub(crate) async fn pause(&self, id: &str) -> Result<Job, Problem> {
+        self.ask(id, |job, news| match job.status {
+            Status::Queued => {
+                job.status = Status::Paused;
+                news.push(News::new(Type::Status, "paused", json!({ "status": job.status })));
+                Ok(())
+            }
+            Status::Running => {
+                job.wish = Wish::Pause;
+                Ok(())
+            }
+            Status::Paused => Ok(()),
+            _ => Err(Problem::invalid_state(job, "paused")),
+        })
+        .await
+    }
+
+    /// Asks that a paused job goes on.
+    pub(crate) async fn resume(&self, id: &str) -> Result<Job, Problem> {
+        self.ask(id, |job, news| match job.status {
+            Status::Paused => {
+                job.queue(news);
+                Ok(())
+            }
+            Status::Queued => Ok(()),
+            // It was asked to pause a moment ago.
+            Status::Running if job.wish == Wish::Run => Ok(()),
+            _ => Err(Problem::invalid_state(job, "resumed")),
+        })
+        .await
+    }
+
+    /// Asks that a job that failed or was cancelled is tried again, from where it was.
+    pub(crate) async fn retry(&self, id: &str) -> Result<Job, Problem> {
+        self.ask(id, |job, news| match job.status {
+            Status::Failed | Status::Cancelled => {
+                (job.error, job.finished_at, job.lost) = (None, None, 0);
+                job.queue(news);
+                Ok(())
+            }
+            Status::Queued => Ok(()),
+            _ => Err(Problem::invalid_state(job, "tried again")),
+        })
+        .await
+    }
+
+    /// Changes a job, and ends its process if that is wished.
+    async fn ask(
+        &self,
+        id: &str,
+        change: impl FnOnce(&mut Job, &mut Vec<News>) -> Result<(), Problem>,
+    ) -> Result<Job, Problem> {
+        let changed = self.store.change(id, change).await?;
+        let (job, ()) = changed.ok_or_else(|| Problem::no_job(id))??;
+        if job.status.has_process() && job.wish != Wish::Run {
+            // Its guardian settles the rest; one that was not started here is told when it reports.
+            self.kills().remove(id).map(|(_, kill)| kill.send(()));
+        }
+        self.wake.notify_one();
+        Ok(job)
+    }
+
+    /// Says that something waits.
+    pub(crate) fn wake(&self) {
+        self.wake.notify_one();
+    }
+
+    /// What a job works on, if it is there.
+    pub(crate) async fn inputs(&self, params: &Params) -> Result<Inputs, Problem> {
+        let mut inputs = Inputs::default();
+        match params {
+            Params::Dataset(params) => inputs.mesh_id.clone_from(&params.subject.mesh_id),
+            Params::Mesh(params) => inputs.mesh_id = Some(params.mesh_id.clone()),
+            Params::Encoder(params) => inputs.dataset_id = Some(params.dataset_id.clone()),
+            Params::Policy(params) => {
+                inputs.dataset_id = Some(params.dataset_id.clone());
+                inputs.encoder_id = Some(params.encoder_id.clone());
+            }
+            Params::Evaluation(params) => {
+                inputs.mesh_id.clone_from(&params.subject.mesh_id);
+                if params.model_id != "planner" {
+                    inputs.model_id = Some(params.model_id.clone());
+                }
+            }
+        }
+        if let Some(id) = &inputs.mesh_id
+            && self.store.record(RecordKind::Mesh, id).await?.is_none()
+        {
+            return Err(Problem::missing_input("mesh_id", id));
+        }
+        if let Some(id) = &inputs.dataset_id
+            && self.store.record(RecordKind::Dataset, id).await?.is_none()
+        {
+            return Err(Problem::missing_input("dataset_id", id));
+        }
+        for (param, id) in [("encoder_id", &inputs.encoder_id), ("model_id", &inputs.model_id)] {
+            if let Some(id) = id
+                && !self.has_model(id).await?
+            {
+                return Err(Problem::missing_input(param, id));
+            }
+        }
+        Ok(inputs)
+    }
+}
+
+impl Job {
+    /// A job that waits.
+    pub(crate) fn new(kind: Kind, params: Params, inputs: Inputs) -> Self {
+        let now = Utc::now();
+        Self {
+            id: format!("job_{}", uuid::Uuid::now_v7().simple()),
+            kind,
+            status: Status::Queued,
+            phase: None,
+            progress: None,
+            created_at: now,
+            started_at: None,
+            finished_at: None,
+            updated_at: now,
+            params,
+            name: None,
+            metadata: Map::new(),
+            priority: 0,
+            inputs,
+            outputs: crate::job::Outputs::default(),
+            latest_metrics: Map::new(),
+            checkpoint_count: 0,
+            error: None,
+            worker: None,
+            attempt: 0,
+            lost: 0,
+            wish: Wish::Run,
+            revision: 0,
+        }
+    }
+
+    fn queue(&mut self, news: &mut Vec<News>) {
+        (self.status, self.wish) = (Status::Queued, Wish::Run);
+        news.push(News::new(Type::Status, "queued", json!({ "status": self.status })));
+    }
+
+    /// Ends in a terminal state.
+    fn close(&mut self, status: Status, news: &mut Vec<News>) {
+        (self.status, self.finished_at) = (status, Some(Utc::now()));
+        let level = if status == Status::Failed { Level::Error } else { Level::Info };
+        let message = self.error.as_ref().map_or(status.name().to_owned(), |e| e.message.clone());
+        let data = json!({ "status": status, "outputs": self.outputs, "error": self.error });
+        news.push(News { level, ..News::new(Type::Status, message, data) });
+    }
+}
+
+/// Writes a file that only its owner reads.
+fn write_secret(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
+    use std::io::Write;
+    let mut options = File::options();
+    options.write(true).create(true).truncate(true);
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::OpenOptionsExt;
+        options.mode(0o600);
+    }
+    options.open(path)?.write_all(bytes)
+}

@@ -1,0 +1,204 @@
+//! What came of a job: its files become artifacts, a dataset or a model.
+
+use super::{Engine, command};
+use crate::job::{Job, Kind, Outputs};
+use crate::store::{Artifact, News, RecordKind, StoreError, Type};
+use chrono::Utc;
+use dataset::Manifest;
+use serde_json::{Value, json};
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// What came of a job, and what to write down of it.
+#[derive(Debug, Default)]
+pub(super) struct Found {
+    pub(super) outputs: Outputs,
+    pub(super) news: Vec<News>,
+}
+
+impl Found {
+    fn add(&mut self, artifact: &Artifact) {
+        self.outputs.artifact_ids.push(artifact.hash.clone());
+        self.news.push(News::new(Type::Artifact, artifact.name.clone(), json!(artifact)));
+    }
+}
+
+/// Files that a training needs for itself.
+fn is_inner(name: &str) -> bool {
+    name.contains("checkpoint") || name.contains(".part-")
+}
+
+impl Engine {
+    /// Takes what a job's process has made.
+    pub(super) async fn settle(&self, job: &Job) -> Result<Found, StoreError> {
+        let out = self.folder(&job.id).join(command::OUT);
+        let mut found = Found::default();
+        match job.kind {
+            Kind::DatasetGenerate => {
+                found.outputs.dataset_id = Some(self.take_dataset(job, &out).await?);
+            }
+            Kind::EncoderTrain | Kind::PolicyTrain => {
+                let files = self.keep_all(job, &out, &mut found).await?;
+                let kind = if job.kind == Kind::EncoderTrain { "encoder" } else { "policy" };
+                let id = self.add_model(job, kind, &files, None).await?;
+                found.outputs.model_id = Some(id);
+            }
+            Kind::PolicyEvaluate | Kind::MeshPrepare => {
+                self.keep_all(job, &out, &mut found).await?;
+            }
+        }
+        let log = self.folder(&job.id).join("log.txt");
+        found.add(&self.store.keep(&job.id, "log.txt", &log).await?);
+        Ok(found)
+    }
+
+    /// Keeps every file of a folder that is for others.
+    async fn keep_all(
+        &self,
+        job: &Job,
+        out: &Path,
+        found: &mut Found,
+    ) -> Result<Vec<Artifact>, StoreError> {
+        let mut artifacts = Vec::new();
+        for path in files(out)? {
+            let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+            if !is_inner(&name) {
+                let artifact = self.store.keep(&job.id, &name, &path).await?;
+                found.add(&artifact);
+                artifacts.push(artifact);
+            }
+        }
+        Ok(artifacts)
+    }
+
+    /// Moves a dataset to where datasets are; gives its id.
+    async fn take_dataset(&self, job: &Job, out: &Path) -> Result<String, StoreError> {
+        let manifest = Manifest::read(out).map_err(io::Error::other)?;
+        let summary: Value =
+            serde_json::from_slice(&tokio::fs::read(out.join("summary.json")).await?)?;
+        let id = format!("ds_{}", &manifest.hash[..16]);
+        let place = self.dataset_folder(&manifest.hash);
+        if place.exists() {
+            tokio::fs::remove_dir_all(out).await?;
+        } else {
+            tokio::fs::create_dir_all(place.parent().unwrap_or(&place)).await?;
+            tokio::fs::rename(out, &place).await?;
+        }
+        let record = json!({
+            "id": id, "object": "dataset", "hash": manifest.hash, "bytes": manifest.bytes(),
+            "job": job.id, "created_at": Utc::now(), "config": manifest.inputs.config,
+            "summary": summary,
+        });
+        self.store.add_record(RecordKind::Dataset, &id, &record).await?;
+        Ok(id)
+    }
+
+    /// Keeps the model that a training has written on its way.
+    pub(super) async fn keep_checkpoint(&self, job: &Job, step: u64) -> Result<(), StoreError> {
+        let out = self.folder(&job.id).join(command::OUT);
+        let mut files = Vec::new();
+        for name in MODEL_FILES {
+            let path = out.join(name);
+            if path.exists() {
+                files.push(self.store.keep(&job.id, &format!("step-{step}/{name}"), &path).await?);
+            }
+        }
+        let id = self.add_model(job, "policy", &files, Some(step)).await?;
+        let told = |job: &mut Job, news: &mut Vec<News>| {
+            job.checkpoint_count += 1;
+            let data = json!({
+                "step": step, "model_id": id, "bytes": files.iter().map(|f| f.bytes).sum::<u64>(),
+                "metrics": job.latest_metrics, "demo_url": format!("/?model={id}"),
+            });
+            news.push(News::new(Type::Checkpoint, format!("step {step}"), data));
+            Ok::<_, ()>(())
+        };
+        self.store.change(&job.id, told).await?;
+        Ok(())
+    }
+
+    /// Adds a model of these files; gives its id, which follows from their contents.
+    async fn add_model(
+        &self,
+        job: &Job,
+        kind: &str,
+        files: &[Artifact],
+        step: Option<u64>,
+    ) -> Result<String, StoreError> {
+        let mut hasher = blake3::Hasher::new();
+        for file in files.iter().filter(|file| file.name.ends_with(".safetensors")) {
+            hasher.update(file.hash.as_bytes());
+        }
+        let id = format!("mdl_{}", &hasher.finalize().to_hex()[..16]);
+        let entry = |file: &Artifact| {
+            let name = file.name.rsplit('/').next().unwrap_or_default().to_owned();
+            (name, json!({ "blake3": file.hash, "bytes": file.bytes }))
+        };
+        let files: serde_json::Map<String, Value> = files.iter().map(entry).collect();
+        let record = json!({
+            "id": id, "object": "model", "kind": kind, "job": job.id, "step": step,
+            "created_at": Utc::now(), "params": job.params, "files": files,
+        });
+        self.store.add_record(RecordKind::Model, &id, &record).await?;
+        Ok(id)
+    }
+
+    /// Whether there is a model of this id, of a job or from before.
+    pub(crate) async fn has_model(&self, id: &str) -> Result<bool, StoreError> {
+        if crate::model::is_id(id) && self.models().join(id).join(MODEL_FILES[0]).is_file() {
+            return Ok(true);
+        }
+        Ok(self.store.record(RecordKind::Model, id).await?.is_some())
+    }
+
+    /// A folder with the files of a model: its own, or copies in the folder of a job.
+    pub(super) async fn model_folder(
+        &self,
+        id: &str,
+        folder: &Path,
+    ) -> Result<Option<PathBuf>, StoreError> {
+        let Some(record) = self.store.record(RecordKind::Model, id).await? else {
+            return Ok(Some(self.models().join(id)));
+        };
+        let copies = folder.join("in").join(id);
+        for (name, file) in record["files"].as_object().into_iter().flatten() {
+            let hash = file["blake3"].as_str().unwrap_or_default();
+            if !copies.join(name).exists() {
+                self.store.copy_to(hash, &copies.join(name)).await?;
+            }
+        }
+        Ok(Some(copies))
+    }
+
+    /// A copy of a mesh in the folder of a job, under the name that the object will have.
+    pub(super) async fn mesh_file(&self, id: &str, folder: &Path) -> Result<PathBuf, StoreError> {
+        let record = self.store.record(RecordKind::Mesh, id).await?.unwrap_or_default();
+        let path = folder.join("in").join(format!("{id}.mesh"));
+        if !path.exists() {
+            self.store.copy_to(record["hash"].as_str().unwrap_or_default(), &path).await?;
+        }
+        Ok(path)
+    }
+
+    /// Folder of a dataset.
+    pub(super) async fn dataset_path(&self, id: &str) -> Result<PathBuf, StoreError> {
+        let record = self.store.record(RecordKind::Dataset, id).await?.unwrap_or_default();
+        Ok(self.dataset_folder(record["hash"].as_str().unwrap_or_default()))
+    }
+}
+
+/// Files that make a policy, weights first.
+const MODEL_FILES: [&str; 3] = ["weights.safetensors", "starts.safetensors", "config.json"];
+
+/// Files of a folder, by name.
+fn files(folder: &Path) -> io::Result<Vec<PathBuf>> {
+    let mut paths = Vec::new();
+    for entry in std::fs::read_dir(folder)? {
+        let path = entry?.path();
+        if path.is_file() {
+            paths.push(path);
+        }
+    }
+    paths.sort();
+    Ok(paths)
+}

@@ -1,0 +1,383 @@
+//! What each kind of job may be told, with its defaults and bounds.
+
+use super::Kind;
+use dataset::config::{DatasetConfig, PRESETS};
+use imitation::autoencoder::AutoencoderConfig;
+use imitation::dagger::DaggerConfig;
+use policy::PolicyConfig;
+use policy::network::POLICIES;
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
+use utoipa::ToSchema;
+
+/// The parameters of a job; once resolved, nothing is left open.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(untagged)]
+pub(crate) enum Params {
+    /// See [`DatasetParams`].
+    Dataset(DatasetParams),
+    /// See [`EncoderParams`].
+    Encoder(EncoderParams),
+    /// See [`PolicyParams`].
+    Policy(PolicyParams),
+    /// See [`EvaluationParams`].
+    Evaluation(EvaluationParams),
+    /// See [`MeshParams`].
+    Mesh(MeshParams),
+}
+
+/// Demonstrations and clouds.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct DatasetParams {
+    /// Name of its sizes.
+    #[serde(default = "small")]
+    pub(crate) preset: String,
+    /// One object instead of the preset's.
+    #[serde(flatten)]
+    pub(crate) subject: Subject,
+    /// Seed of everything.
+    #[serde(default)]
+    pub(crate) seed: u64,
+    /// Threads; 0 takes all.
+    #[serde(default)]
+    pub(crate) threads: usize,
+}
+
+/// Training an autoencoder.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct EncoderParams {
+    /// The dataset whose clouds it learns from.
+    pub(crate) dataset_id: String,
+    /// How long and how fast.
+    #[serde(flatten)]
+    pub(crate) course: Course,
+}
+
+/// Training a policy.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct PolicyParams {
+    /// The dataset whose demonstrations it learns from.
+    pub(crate) dataset_id: String,
+    /// The encoder, or a policy whose encoder is used.
+    pub(crate) encoder_id: String,
+    /// Which of the policies that are compared.
+    #[serde(default = "first_policy")]
+    pub(crate) policy: String,
+    /// Steps of a roll-out; 1 is behaviour cloning.
+    #[serde(default)]
+    pub(crate) horizon: Option<usize>,
+    /// How long and how fast.
+    #[serde(flatten)]
+    pub(crate) course: Course,
+}
+
+/// How long and how fast something is trained.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+pub(crate) struct Course {
+    /// Optimiser steps.
+    #[serde(default)]
+    pub(crate) steps: Option<u64>,
+    /// Examples a step.
+    #[serde(default)]
+    pub(crate) batch: Option<usize>,
+    /// Peak learning rate.
+    #[serde(default)]
+    pub(crate) rate: Option<f32>,
+    /// Steps from checkpoint to checkpoint.
+    #[serde(default)]
+    pub(crate) checkpoint: Option<u64>,
+    /// Threads; 0 takes the standard number.
+    #[serde(default)]
+    pub(crate) threads: usize,
+    /// Seed of weights and batches.
+    #[serde(default)]
+    pub(crate) seed: u64,
+}
+
+/// Attempts by the protocol.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct EvaluationParams {
+    /// The policy, or `planner`.
+    pub(crate) model_id: String,
+    /// The object.
+    #[serde(flatten)]
+    pub(crate) subject: Subject,
+    /// Attempts.
+    #[serde(default = "hundred")]
+    pub(crate) attempts: u64,
+    /// Seed of the first one.
+    #[serde(default)]
+    pub(crate) seed: u64,
+    /// Whether the controls are evaluated, too.
+    #[serde(default)]
+    pub(crate) controls: bool,
+}
+
+/// What a mesh is, and its convex parts.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct MeshParams {
+    /// A mesh that was uploaded.
+    pub(crate) mesh_id: String,
+}
+
+/// A built-in object, or a mesh that was uploaded, with its mass.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+pub(crate) struct Subject {
+    /// Name of a built-in object.
+    #[serde(default)]
+    pub(crate) object: Option<String>,
+    /// A mesh that was uploaded.
+    #[serde(default)]
+    pub(crate) mesh_id: Option<String>,
+    /// Mass of the mesh (kg).
+    #[serde(default)]
+    pub(crate) mass_kg: Option<f32>,
+    /// Density of the mesh (kg/m³) instead.
+    #[serde(default)]
+    pub(crate) density_kg_m3: Option<f32>,
+}
+
+fn small() -> String {
+    "small".into()
+}
+
+fn first_policy() -> String {
+    POLICIES[0].into()
+}
+
+fn hundred() -> u64 {
+    100
+}
+
+/// Why parameters are refused.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Invalid {
+    /// Which one, as a path in `params`.
+    pub(crate) param: String,
+    /// What is wrong with it, and what it may be.
+    pub(crate) detail: String,
+}
+
+fn invalid(param: &str, detail: impl Into<String>) -> Invalid {
+    Invalid { param: param.into(), detail: detail.into() }
+}
+
+/// Optimiser steps, attempts and threads that a job may ask for at most.
+const MOST_STEPS: u64 = 10_000_000;
+const MOST_ATTEMPTS: u64 = 100_000;
+const MOST_THREADS: usize = 256;
+const MOST_BATCH: usize = 4096;
+
+impl Params {
+    /// Reads and checks the parameters of a kind, with everything filled in that was left open.
+    pub(crate) fn resolve(kind: Kind, given: Map<String, Value>) -> Result<Self, Invalid> {
+        let given = Value::Object(given);
+        Ok(match kind {
+            Kind::DatasetGenerate => Self::Dataset(read::<DatasetParams>(given)?.resolved()?),
+            Kind::EncoderTrain => Self::Encoder(read::<EncoderParams>(given)?.resolved()?),
+            Kind::PolicyTrain => Self::Policy(read::<PolicyParams>(given)?.resolved()?),
+            Kind::PolicyEvaluate => Self::Evaluation(read::<EvaluationParams>(given)?.resolved()?),
+            Kind::MeshPrepare => Self::Mesh(read(given)?),
+        })
+    }
+
+    /// Seed of the job.
+    pub(crate) fn seed(&self) -> u64 {
+        match self {
+            Self::Dataset(params) => params.seed,
+            Self::Encoder(EncoderParams { course, .. }) => course.seed,
+            Self::Policy(PolicyParams { course, .. }) => course.seed,
+            Self::Evaluation(params) => params.seed,
+            Self::Mesh(_) => 0,
+        }
+    }
+}
+
+/// Reads parameters; a field that is unknown, missing or of the wrong type is named.
+fn read<T: serde::de::DeserializeOwned>(given: Value) -> Result<T, Invalid> {
+    serde_path_to_error::deserialize(given).map_err(|error| {
+        let text = error.inner().to_string();
+        // Serde names the field in back quotes; the path leads to what has it.
+        let field = text.split('`').nth(1).unwrap_or_default();
+        let path = error.path().to_string();
+        let param = if path == "." { field.to_owned() } else { path };
+        Invalid { param, detail: text }
+    })
+}
+
+fn at_most<T: PartialOrd + Copy + std::fmt::Display>(
+    param: &str,
+    value: T,
+    least: T,
+    most: T,
+) -> Result<T, Invalid> {
+    if (least..=most).contains(&value) {
+        return Ok(value);
+    }
+    Err(invalid(param, format!("it must be from {least} to {most}")))
+}
+
+impl Subject {
+    /// Refuses what names no object, or more than one, or a mesh without its mass.
+    fn checked(&self, must_be: bool) -> Result<(), Invalid> {
+        let weights = [("mass_kg", self.mass_kg), ("density_kg_m3", self.density_kg_m3)];
+        for (param, weight) in weights {
+            if weight.is_some_and(|weight| !(weight.is_finite() && weight > 0.0)) {
+                return Err(invalid(param, "it must be a positive number"));
+            }
+            if weight.is_some() && self.mesh_id.is_none() {
+                return Err(invalid(param, "it goes with mesh_id; a built-in object has its own"));
+            }
+        }
+        match (&self.object, &self.mesh_id) {
+            (Some(_), Some(_)) => Err(invalid("mesh_id", "give it or object, not both")),
+            (None, None) if must_be => {
+                Err(invalid("object", "name a built-in object, or give mesh_id with its mass_kg"))
+            }
+            (None, None) => Ok(()),
+            (Some(name), None) if geometry::object::Object::built_in(name).is_none() => {
+                Err(invalid("object", format!("there is no built-in object \"{name}\"")))
+            }
+            (Some(_), None) => Ok(()),
+            (None, Some(_)) if self.mass_kg.is_some() == self.density_kg_m3.is_some() => {
+                Err(invalid("mass_kg", "a mesh needs mass_kg or density_kg_m3, one of them"))
+            }
+            (None, Some(_)) => Ok(()),
+        }
+    }
+}
+
+impl DatasetParams {
+    fn resolved(self) -> Result<Self, Invalid> {
+        if DatasetConfig::preset(&self.preset, self.seed).is_none() {
+            let names = PRESETS.map(|(name, _)| name).join(", ");
+            return Err(invalid("preset", format!("it must be one of {names}")));
+        }
+        self.subject.checked(false)?;
+        at_most("threads", self.threads, 0, MOST_THREADS)?;
+        Ok(self)
+    }
+}
+
+impl EncoderParams {
+    fn resolved(self) -> Result<Self, Invalid> {
+        let standard = AutoencoderConfig::standard();
+        let standard = Course {
+            steps: Some(standard.steps),
+            batch: Some(standard.batch),
+            rate: Some(standard.rate),
+            checkpoint: Some(standard.span),
+            threads: standard.shards,
+            seed: 0,
+        };
+        Ok(Self { course: self.course.resolved(&standard)?, ..self })
+    }
+}
+
+impl PolicyParams {
+    fn resolved(self) -> Result<Self, Invalid> {
+        let Some(policy) = PolicyConfig::named(&self.policy) else {
+            return Err(invalid("policy", format!("it must be one of {}", POLICIES.join(", "))));
+        };
+        let standard = DaggerConfig::standard(policy);
+        let horizon = at_most("horizon", self.horizon.unwrap_or(standard.horizon), 1, 1000)?;
+        let standard = Course {
+            steps: Some(standard.steps),
+            batch: Some(standard.batch),
+            rate: Some(standard.rate),
+            checkpoint: Some(standard.span),
+            threads: standard.shards,
+            seed: 0,
+        };
+        let course = self.course.resolved(&standard)?;
+        Ok(Self { course, horizon: Some(horizon), ..self })
+    }
+}
+
+impl Course {
+    fn resolved(self, standard: &Self) -> Result<Self, Invalid> {
+        let steps = self.steps.or(standard.steps).unwrap_or_default();
+        let batch = self.batch.or(standard.batch).unwrap_or_default();
+        let rate = self.rate.or(standard.rate).unwrap_or_default();
+        let checkpoint = self.checkpoint.or(standard.checkpoint).unwrap_or_default();
+        let threads = if self.threads == 0 { standard.threads } else { self.threads };
+        if !(rate.is_finite() && rate > 0.0 && rate < 1.0) {
+            return Err(invalid("rate", "it must be a positive number below 1"));
+        }
+        Ok(Self {
+            steps: Some(at_most("steps", steps, 1, MOST_STEPS)?),
+            batch: Some(at_most("batch", batch, 1, MOST_BATCH)?),
+            rate: Some(rate),
+            checkpoint: Some(at_most("checkpoint", checkpoint, 1, MOST_STEPS)?),
+            threads: at_most("threads", threads, 1, MOST_THREADS)?,
+            seed: self.seed,
+        })
+    }
+}
+
+impl EvaluationParams {
+    fn resolved(self) -> Result<Self, Invalid> {
+        self.subject.checked(true)?;
+        at_most("attempts", self.attempts, 1, MOST_ATTEMPTS)?;
+        at_most("seed", self.seed, 0, u64::MAX - self.attempts)?;
+        Ok(self)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    fn resolve(kind: Kind, given: Value) -> Result<Params, Invalid> {
+        Params::resolve(kind, given.as_object().unwrap().clone())
+    }
+
+    #[test]
+    fn what_is_left_open_is_filled_in() {
+        let Ok(Params::Dataset(dataset)) = resolve(Kind::DatasetGenerate, json!({})) else {
+            panic!("refused")
+        };
+        assert_eq!((dataset.preset.as_str(), dataset.seed), ("small", 0));
+        let given = json!({ "dataset_id": "ds_1", "encoder_id": "mdl_1", "steps": 10 });
+        let Ok(Params::Policy(policy)) = resolve(Kind::PolicyTrain, given) else {
+            panic!("refused")
+        };
+        let course = policy.course;
+        assert_eq!((course.steps, course.batch, course.threads), (Some(10), Some(128), 2));
+        assert_eq!((policy.policy.as_str(), policy.horizon), ("ngf-pcd", Some(90)));
+    }
+
+    #[test]
+    fn what_is_refused_is_named() {
+        let cases = [
+            (Kind::DatasetGenerate, json!({ "preset": "huge" }), "preset"),
+            (Kind::DatasetGenerate, json!({ "presets": "small" }), "presets"),
+            (Kind::DatasetGenerate, json!({ "seed": -1 }), "seed"),
+            (Kind::DatasetGenerate, json!({ "object": "../etc" }), "object"),
+            (Kind::DatasetGenerate, json!({ "mesh_id": "msh_1" }), "mass_kg"),
+            (Kind::DatasetGenerate, json!({ "mass_kg": 1.0 }), "mass_kg"),
+            (Kind::DatasetGenerate, json!({ "mesh_id": "msh_1", "object": "bleach" }), "mesh_id"),
+            (Kind::MeshPrepare, json!({}), "mesh_id"),
+            (Kind::EncoderTrain, json!({}), "dataset_id"),
+            (Kind::EncoderTrain, json!({ "dataset_id": "x", "steps": 0 }), "steps"),
+            (Kind::EncoderTrain, json!({ "dataset_id": "x", "rate": 2.0 }), "rate"),
+            (Kind::EncoderTrain, json!({ "dataset_id": "x", "rates": 2.0 }), "rates"),
+            (Kind::PolicyEvaluate, json!({ "model_id": "x" }), "object"),
+            (
+                Kind::PolicyEvaluate,
+                json!({ "model_id": "x", "object": "bleach", "attempts": 0 }),
+                "attempts",
+            ),
+        ];
+        for (kind, given, param) in cases {
+            let refusal = resolve(kind, given.clone()).expect_err("taken");
+            assert_eq!(refusal.param, param, "{given}: {}", refusal.detail);
+        }
+    }
+}

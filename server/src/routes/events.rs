@@ -1,0 +1,334 @@
+//! What happened to jobs: as a list, as a stream, as columns of numbers.
+
+use super::Jobs;
+use super::jobs::{find, limit};
+use crate::engine::Engine;
+use crate::extract::{Path, Query};
+use crate::store::{Event, Type};
+use crate::{AppState, Problem};
+use axum::Json;
+use axum::extract::State;
+use axum::http::{HeaderMap, StatusCode, header};
+use axum::response::sse::{Event as SseEvent, KeepAlive, Sse};
+use axum::response::{IntoResponse, Response};
+use futures_util::stream;
+use serde_json::{Map, Value, json};
+use std::collections::BTreeMap;
+use std::convert::Infallible;
+use std::sync::Arc;
+use std::time::Duration;
+
+/// The number in `evt_17` or `17`.
+fn number(param: &str, text: &str) -> Result<i64, Problem> {
+    text.trim_start_matches("evt_")
+        .parse()
+        .map_err(|_| Problem::invalid(param, "it is the id of an event, as evt_17"))
+}
+
+/// What happened to a job, oldest first.
+#[utoipa::path(
+    get, path = "/jobs/{id}/events", tag = "events",
+    params(("id" = String, Path, description = "Id of the job"), ("after" = Option<String>, Query, description = "Id of an event"), ("limit" = Option<i64>, Query, minimum = 1, maximum = 100)),
+    responses((status = 200, description = "What happened, oldest first", body = Page<Object>)),
+)]
+pub(crate) async fn list(
+    Jobs(engine): Jobs,
+    Path(id): Path<String>,
+    Query(query): Query<BTreeMap<String, String>>,
+) -> Result<Json<Value>, Problem> {
+    find(&engine, &id).await?;
+    let after = query.get("after").map_or(Ok(0), |text| number("after", text))?;
+    let asked = query.get("limit").map_or(Ok(100), |text| limit(text))?;
+    let mut events = engine.store.events(&[id], None, after, asked + 1).await?;
+    let has_more = events.len() as i64 > asked;
+    events.truncate(asked as usize);
+    let id_of = |event: Option<&Event>| event.map(|event| event.json["id"].clone());
+    let (first, last) = (id_of(events.first()), id_of(events.last()));
+    let data: Vec<Value> = events.into_iter().map(|event| event.json).collect();
+    Ok(Json(json!({
+        "object": "list", "has_more": has_more, "first_id": first, "last_id": last, "data": data,
+    })))
+}
+
+/// The stream of one job.
+#[utoipa::path(
+    get, path = "/jobs/{id}/stream", tag = "events",
+    params(("id" = String, Path, description = "Id of the job"), ("after" = Option<String>, Query, description = "Id of an event"), ("Last-Event-ID" = Option<String>, Header)),
+    responses((status = 200, description = "Events as they come", content_type = "text/event-stream", body = String), (status = 204, description = "It has ended, and all is read")),
+)]
+pub(crate) async fn stream_of(
+    State(state): State<AppState>,
+    Jobs(engine): Jobs,
+    Path(id): Path<String>,
+    Query(query): Query<BTreeMap<String, String>>,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    open(&state, engine, vec![id], &query, &headers).await
+}
+
+/// Jobs in one stream.
+const MOST_JOBS: usize = 100;
+
+/// The stream of several jobs.
+#[utoipa::path(
+    get, path = "/stream", tag = "events",
+    params(("jobs" = String, Query, description = "Ids with commas"), ("after" = Option<String>, Query), ("Last-Event-ID" = Option<String>, Header)),
+    responses((status = 200, description = "Events of several jobs as they come", content_type = "text/event-stream", body = String), (status = 204, description = "All have ended, and all is read")),
+)]
+pub(crate) async fn stream_all(
+    State(state): State<AppState>,
+    Jobs(engine): Jobs,
+    Query(query): Query<BTreeMap<String, String>>,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    let named = query.get("jobs").map(String::as_str).unwrap_or_default();
+    let jobs: Vec<String> =
+        named.split(',').filter(|id| !id.is_empty()).map(str::to_owned).collect();
+    if !(1..=MOST_JOBS).contains(&jobs.len()) {
+        return Err(Problem::invalid("jobs", format!("it names 1 to {MOST_JOBS} jobs: a,b")));
+    }
+    open(&state, engine, jobs, &query, &headers).await
+}
+
+/// Events read at a time.
+const PAGE: i64 = 256;
+
+/// A stream under way.
+struct Reader {
+    engine: Arc<Engine>,
+    jobs: Vec<String>,
+    after: i64,
+    ready: std::vec::IntoIter<Event>,
+    news: tokio::sync::watch::Receiver<i64>,
+    stopping: tokio::sync::watch::Receiver<bool>,
+    is_over: bool,
+}
+
+async fn open(
+    state: &AppState,
+    engine: Arc<Engine>,
+    jobs: Vec<String>,
+    query: &BTreeMap<String, String>,
+    headers: &HeaderMap,
+) -> Result<Response, Problem> {
+    let accepts = headers.get(header::ACCEPT).and_then(|value| value.to_str().ok());
+    if accepts.is_some_and(|accepts| {
+        !["text/event-stream", "text/*", "*/*"].iter().any(|kind| accepts.contains(kind))
+    }) {
+        return Err(Problem::not_acceptable());
+    }
+    let resumed = headers.get("last-event-id").and_then(|value| value.to_str().ok());
+    let after = match (resumed, query.get("after")) {
+        (Some(text), _) => number("Last-Event-ID", text)?,
+        (None, Some(text)) => number("after", text)?,
+        (None, None) => 0,
+    };
+    for id in &jobs {
+        find(&engine, id).await?;
+    }
+    let mut reader = Reader {
+        news: engine.store.news(),
+        stopping: state.stopping(),
+        engine,
+        jobs,
+        after,
+        ready: Vec::new().into_iter(),
+        is_over: false,
+    };
+    // A browser that is told so does not come back.
+    if reader.all_ended().await? && reader.fetch().await? == 0 {
+        return Ok(StatusCode::NO_CONTENT.into_response());
+    }
+    let first = stream::once(async {
+        Ok::<_, Infallible>(SseEvent::default().retry(Duration::from_secs(2)).comment("events"))
+    });
+    let events = stream::unfold(reader, |mut reader| async move {
+        let event = reader.next().await?;
+        Some((Ok::<_, Infallible>(event), reader))
+    });
+    let keep = KeepAlive::new().interval(Duration::from_secs(15)).text("still here");
+    let events = futures_util::StreamExt::chain(first, events);
+    let headers =
+        [(header::CACHE_CONTROL, "no-store"), (header::X_CONTENT_TYPE_OPTIONS, "nosniff")];
+    Ok((headers, Sse::new(events).keep_alive(keep)).into_response())
+}
+
+impl Reader {
+    async fn all_ended(&self) -> Result<bool, Problem> {
+        for id in &self.jobs {
+            let job = self.engine.store.job(id).await?;
+            if job.is_some_and(|job| !job.status.is_terminal()) {
+                return Ok(false);
+            }
+        }
+        Ok(true)
+    }
+
+    /// Reads what was written down since; gives how much that is.
+    async fn fetch(&mut self) -> Result<usize, Problem> {
+        let events = self.engine.store.events(&self.jobs, None, self.after, PAGE).await?;
+        let count = events.len();
+        self.ready = events.into_iter();
+        Ok(count)
+    }
+
+    /// The next event; none once all has been said.
+    async fn next(&mut self) -> Option<SseEvent> {
+        loop {
+            if let Some(event) = self.ready.next() {
+                self.after = event.seq;
+                let text = event.json.to_string();
+                return Some(
+                    SseEvent::default().id(event.seq.to_string()).event(event.kind).data(text),
+                );
+            }
+            if self.is_over {
+                return None;
+            }
+            // What is written from here on is news.
+            self.news.mark_unchanged();
+            let ended = self.all_ended().await.ok()?;
+            if self.fetch().await.ok()? > 0 {
+                continue;
+            }
+            if ended {
+                self.is_over = true;
+                return Some(SseEvent::default().event("done").data("{}"));
+            }
+            tokio::select! {
+                changed = self.news.changed() => changed.ok()?,
+                _ = self.stopping.wait_for(|stopping| *stopping) => return None,
+            }
+        }
+    }
+}
+
+/// Points of a course that are given at most, unless asked otherwise.
+const STANDARD_POINTS: usize = 1000;
+
+/// What a job measured, in columns; thinned so that no peak is lost.
+#[utoipa::path(
+    get, path = "/jobs/{id}/metrics", tag = "events",
+    params(("id" = String, Path, description = "Id of the job"), ("keys" = Option<String>, Query, description = "Names with commas"), ("after_step" = Option<usize>, Query), ("max_points" = Option<usize>, Query), ("format" = Option<String>, Query, description = "json, csv or ndjson")),
+    responses((status = 200, description = "Columns of numbers, thinned so that no peak is lost", body = Object)),
+)]
+pub(crate) async fn metrics(
+    Jobs(engine): Jobs,
+    Path(id): Path<String>,
+    Query(query): Query<BTreeMap<String, String>>,
+) -> Result<Response, Problem> {
+    let whole = |name: &str, otherwise: usize| -> Result<usize, Problem> {
+        let Some(text) = query.get(name) else { return Ok(otherwise) };
+        text.parse().map_err(|_| Problem::invalid(name, "it is a whole number"))
+    };
+    let job = find(&engine, &id).await?;
+    let (after, points) = (whole("after_step", 0)?, whole("max_points", STANDARD_POINTS)?);
+    let began = job.started_at.unwrap_or(job.created_at);
+    let events = engine.store.events(&[id], Some(Type::Metric), 0, i64::MAX).await?;
+    let mut rows: BTreeMap<u64, Map<String, Value>> = BTreeMap::new();
+    for mut event in events {
+        let at = event.json["created_at"].as_str().and_then(|at| at.parse().ok());
+        let wall = at
+            .map(|at: chrono::DateTime<chrono::Utc>| (at - began).num_milliseconds() as f64 / 1e3);
+        let Value::Object(mut values) = event.json["data"].take() else { continue };
+        let Some(step) = values.remove("step").and_then(|step| step.as_u64()) else { continue };
+        if step > after as u64 || after == 0 {
+            values.insert("wall".into(), json!(wall));
+            // What a process did again counts once.
+            rows.entry(step).or_default().extend(values);
+        }
+    }
+    let mut names: Vec<String> = Vec::new();
+    for name in rows.values().flat_map(|row| row.keys()) {
+        let is_asked = query.get("keys").is_none_or(|keys| keys.split(',').any(|key| key == name));
+        if (is_asked || name == "wall") && !names.contains(name) {
+            names.push(name.clone());
+        }
+    }
+    let rows: Vec<(u64, Map<String, Value>)> = rows.into_iter().collect();
+    let kept = thinned(&rows, names.iter().find(|name| *name != "wall"), points);
+    let column = |name: &str| -> Value {
+        kept.iter().map(|(_, row)| row.get(name).cloned().unwrap_or_default()).collect()
+    };
+    let steps = || kept.iter().map(|(step, _)| json!(step));
+    match query.get("format").map(String::as_str) {
+        None | Some("json") => {
+            let mut columns = Map::from_iter([("step".to_owned(), steps().collect())]);
+            columns.extend(names.iter().map(|name| (name.clone(), column(name))));
+            Ok(Json(columns).into_response())
+        }
+        Some("ndjson") => {
+            let line = |(step, row): &(u64, Map<String, Value>)| {
+                let mut row = row.clone();
+                row.insert("step".into(), json!(step));
+                format!("{}\n", Value::Object(row))
+            };
+            let text: String = kept.iter().map(line).collect();
+            Ok(([(header::CONTENT_TYPE, "application/x-ndjson")], text).into_response())
+        }
+        Some("csv") => {
+            let mut text = format!("step,{}\n", names.join(","));
+            for (step, row) in &kept {
+                let cells = names.iter().map(|name| row.get(name).map_or(String::new(), cell));
+                text += &format!("{step},{}\n", cells.collect::<Vec<_>>().join(","));
+            }
+            Ok(([(header::CONTENT_TYPE, "text/csv; charset=utf-8")], text).into_response())
+        }
+        Some(_) => Err(Problem::invalid("format", "it is json, csv or ndjson")),
+    }
+}
+
+/// A number as it is, anything else as a text in quotes.
+fn cell(value: &Value) -> String {
+    match value {
+        Value::Null => String::new(),
+        Value::Number(number) => number.to_string(),
+        other => format!("\"{}\"", other.to_string().replace('"', "\"\"")),
+    }
+}
+
+/// At most about `points` rows: of each stretch the least and the greatest of a column, in their order.
+fn thinned(
+    rows: &[(u64, Map<String, Value>)],
+    by: Option<&String>,
+    points: usize,
+) -> Vec<(u64, Map<String, Value>)> {
+    let stretches = (points / 2).max(1);
+    if rows.len() <= points.max(2) {
+        return rows.to_vec();
+    }
+    let value = |i: usize| by.and_then(|name| rows[i].1.get(name)).and_then(Value::as_f64);
+    let mut kept = Vec::new();
+    for stretch in 0..stretches {
+        let [first, end] = [stretch, stretch + 1].map(|k| k * rows.len() / stretches);
+        let known = || (first..end).filter(|&i| value(i).is_some());
+        let order = |a: &usize, b: &usize| {
+            value(*a).unwrap_or_default().total_cmp(&value(*b).unwrap_or_default())
+        };
+        let ends = [known().min_by(order), known().max_by(order)];
+        let mut ends: Vec<usize> = ends.into_iter().flatten().collect();
+        ends.sort_unstable();
+        ends.dedup();
+        kept.extend(ends.into_iter().map(|i| rows[i].clone()));
+    }
+    kept
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn thinning_keeps_the_peaks_and_the_order() {
+        let mut rows: Vec<(u64, Map<String, Value>)> = (0..1000)
+            .map(|step| (step, Map::from_iter([("loss".to_owned(), json!(1.0))])))
+            .collect();
+        rows[617].1.insert("loss".into(), json!(9.0));
+        rows[311].1.insert("loss".into(), json!(0.1));
+        let kept = thinned(&rows, Some(&"loss".to_owned()), 20);
+        let steps: Vec<u64> = kept.iter().map(|(step, _)| *step).collect();
+        assert!(steps.len() <= 20 && steps.is_sorted(), "{steps:?}");
+        assert!(steps.contains(&617) && steps.contains(&311), "{steps:?}");
+        assert_eq!(thinned(&rows[..5], None, 20).len(), 5);
+    }
+}

@@ -1,0 +1,139 @@
+//! Files that never change, each named by the BLAKE3 of what it holds.
+
+use super::{Store, StoreError};
+use chrono::Utc;
+use object_store::path::Path as Key;
+use object_store::{ObjectStore, ObjectStoreExt, PutMode, PutOptions};
+use sqlx::Row;
+use std::path::Path;
+
+/// A file of a job.
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub(crate) struct Artifact {
+    /// What the job called it.
+    pub(crate) name: String,
+    /// BLAKE3, hex.
+    pub(crate) hash: String,
+    /// How long it is.
+    pub(crate) bytes: u64,
+    /// What it is.
+    pub(crate) content_type: String,
+}
+
+fn key(hash: &str) -> Key {
+    Key::from(format!("{}/{hash}", hash.get(..2).unwrap_or_default()))
+}
+
+/// What a file is, by its name.
+fn content_type(name: &str) -> &'static str {
+    match name.rsplit_once('.').map(|(_, ending)| ending) {
+        Some("json") => "application/json",
+        Some("jsonl") => "application/x-ndjson",
+        Some("svg") => "image/svg+xml",
+        Some("txt" | "md") => "text/plain; charset=utf-8",
+        _ => "application/octet-stream",
+    }
+}
+
+impl Store {
+    /// Keeps a file of a job.
+    pub(crate) async fn keep(
+        &self,
+        job: &str,
+        name: &str,
+        path: &Path,
+    ) -> Result<Artifact, StoreError> {
+        let contents = tokio::fs::read(path).await?;
+        self.keep_bytes(job, name, contents).await
+    }
+
+    /// Keeps bytes as a file of a job, or of whatever else has an id.
+    pub(crate) async fn keep_bytes(
+        &self,
+        job: &str,
+        name: &str,
+        contents: Vec<u8>,
+    ) -> Result<Artifact, StoreError> {
+        let (hash, contents) = tokio::task::spawn_blocking(move || {
+            (blake3::hash(&contents).to_hex().to_string(), contents)
+        })
+        .await
+        .map_err(std::io::Error::other)?;
+        let bytes = contents.len() as u64;
+        let only_new = PutOptions { mode: PutMode::Create, ..PutOptions::default() };
+        match self.artifacts.put_opts(&key(&hash), contents.into(), only_new).await {
+            Ok(_) | Err(object_store::Error::AlreadyExists { .. }) => {}
+            Err(error) => return Err(error.into()),
+        }
+        let content_type = content_type(name);
+        let mut change = self.begin().await?;
+        sqlx::query("INSERT OR IGNORE INTO artifacts (hash, bytes, content_type, created_at) VALUES (?, ?, ?, ?)")
+            .bind(&hash)
+            .bind(bytes as i64)
+            .bind(content_type)
+            .bind(Utc::now().to_rfc3339())
+            .execute(&mut *change)
+            .await?;
+        sqlx::query("INSERT OR REPLACE INTO job_artifacts (job, name, hash) VALUES (?, ?, ?)")
+            .bind(job)
+            .bind(name)
+            .bind(&hash)
+            .execute(&mut *change)
+            .await?;
+        change.commit().await?;
+        Ok(Artifact { name: name.into(), hash, bytes, content_type: content_type.into() })
+    }
+
+    /// Files of a job, by name.
+    pub(crate) async fn artifacts_of(&self, job: &str) -> Result<Vec<Artifact>, StoreError> {
+        let rows = sqlx::query(
+            "SELECT name, hash, bytes, content_type FROM job_artifacts JOIN artifacts USING (hash)
+             WHERE job = ? ORDER BY name",
+        )
+        .bind(job)
+        .fetch_all(&self.readers)
+        .await?;
+        let artifact = |row: &sqlx::sqlite::SqliteRow| -> Result<Artifact, StoreError> {
+            Ok(Artifact {
+                name: row.try_get("name")?,
+                hash: row.try_get("hash")?,
+                bytes: row.try_get::<i64, _>("bytes")? as u64,
+                content_type: row.try_get("content_type")?,
+            })
+        };
+        rows.iter().map(artifact).collect()
+    }
+
+    /// Length and type of an artifact, if there is one of this hash.
+    pub(crate) async fn artifact(&self, hash: &str) -> Result<Option<(u64, String)>, StoreError> {
+        let found: Option<(i64, String)> =
+            sqlx::query_as("SELECT bytes, content_type FROM artifacts WHERE hash = ?")
+                .bind(hash)
+                .fetch_optional(&self.readers)
+                .await?;
+        Ok(found.map(|(bytes, content_type)| (bytes as u64, content_type)))
+    }
+
+    /// What an artifact holds, from one byte to before another.
+    pub(crate) async fn contents(
+        &self,
+        hash: &str,
+        range: std::ops::Range<u64>,
+    ) -> Result<axum::body::Bytes, StoreError> {
+        if range.is_empty() {
+            return Ok(axum::body::Bytes::new());
+        }
+        Ok(self.artifacts.get_range(&key(hash), range).await?)
+    }
+
+    /// Writes an artifact to a file, beside its place and renamed.
+    pub(crate) async fn copy_to(&self, hash: &str, path: &Path) -> Result<(), StoreError> {
+        let bytes = self.artifacts.get(&key(hash)).await?.bytes().await?;
+        if let Some(parent) = path.parent() {
+            tokio::fs::create_dir_all(parent).await?;
+        }
+        let beside = path.with_extension("part");
+        tokio::fs::write(&beside, &bytes).await?;
+        Ok(tokio::fs::rename(&beside, path).await?)
+    }
+}

@@ -1,0 +1,274 @@
+//! Jobs by request and answer, while nobody works on them.
+
+use crate::{assert_problem, idle, idle_in, json_of, send, send_with};
+use axum::Router;
+use axum::http::StatusCode;
+use axum::response::Response;
+use serde_json::{Value, json};
+use server::{AppState, app};
+
+/// Asks for a small dataset.
+async fn ask(app: &Router, name: &str) -> String {
+    let body = json!({ "kind": "dataset.generate", "name": name, "metadata": { "of": name } });
+    let answer = send(app, "POST", "/jobs", body.to_string()).await;
+    assert_eq!(answer.status(), StatusCode::CREATED);
+    let location = answer.headers()["location"].to_str().unwrap().to_owned();
+    let job = json_of(answer).await;
+    let id = job["id"].as_str().unwrap().to_owned();
+    assert_eq!(location, format!("/api/v1/jobs/{id}"));
+    id
+}
+
+#[tokio::test]
+async fn a_job_says_all_that_was_decided() {
+    let (app, _folder) = idle().await;
+    let id = ask(&app, "first").await;
+    let job = json_of(send(&app, "GET", &format!("/jobs/{id}"), "").await).await;
+    assert_eq!(job["status"], "queued");
+    assert_eq!(
+        job["params"],
+        json!({
+            "preset": "small", "object": null, "mesh_id": null, "mass_kg": null,
+            "density_kg_m3": null, "seed": 0, "threads": 0,
+        })
+    );
+    let names: Vec<&String> = job.as_object().unwrap().keys().collect();
+    assert_members(&names);
+    for url in job["urls"].as_object().unwrap().values() {
+        assert!(url.as_str().unwrap().starts_with('/'), "{url}");
+    }
+}
+
+/// The members of a job, as the documentation lists them.
+fn assert_members(names: &[&String]) {
+    let expected = [
+        "attempt",
+        "checkpoint_count",
+        "created_at",
+        "error",
+        "estimated_finish_at",
+        "finished_at",
+        "id",
+        "inputs",
+        "kind",
+        "latest_metrics",
+        "metadata",
+        "name",
+        "object",
+        "outputs",
+        "params",
+        "phase",
+        "priority",
+        "progress",
+        "resumable",
+        "seed",
+        "started_at",
+        "status",
+        "updated_at",
+        "urls",
+        "worker",
+    ];
+    assert_eq!(names, &expected);
+}
+
+#[tokio::test]
+async fn what_is_asked_wrongly_is_refused_by_name() {
+    let (app, _folder) = idle().await;
+    let cases = [
+        ("{", 400, "malformed_json", None),
+        ("[]", 422, "invalid_parameter", None),
+        (r#"{"kind": "dataset.make"}"#, 422, "invalid_parameter", Some("kind")),
+        (r#"{"kind": "dataset.generate", "param": {}}"#, 422, "invalid_parameter", Some("param")),
+        (
+            r#"{"kind": "dataset.generate", "params": {"seed": "x"}}"#,
+            422,
+            "invalid_parameter",
+            Some("params.seed"),
+        ),
+        (
+            r#"{"kind": "encoder.train", "params": {"dataset_id": "ds_none"}}"#,
+            422,
+            "input_not_found",
+            Some("params.dataset_id"),
+        ),
+        (
+            r#"{"kind": "policy.evaluate", "params": {"model_id": "../../etc", "object": "bleach"}}"#,
+            422,
+            "input_not_found",
+            Some("params.model_id"),
+        ),
+        (
+            r#"{"kind": "dataset.generate", "metadata": {"a": 1}}"#,
+            422,
+            "invalid_parameter",
+            Some("metadata"),
+        ),
+    ];
+    for (body, status, code, param) in cases {
+        let answer = send(&app, "POST", "/jobs", body).await;
+        let problem = assert_problem(answer, status, code).await;
+        if let Some(param) = param {
+            assert_eq!(problem["errors"][0]["param"], param, "{body}: {problem}");
+        }
+    }
+    assert_problem(send(&app, "GET", "/jobs/job_none", "").await, 404, "job_not_found").await;
+    assert_problem(send(&app, "GET", "/jobs?status=done", "").await, 422, "invalid_parameter")
+        .await;
+    assert_problem(send(&app, "GET", "/jobs?limit=0", "").await, 422, "invalid_parameter").await;
+    assert_problem(send(&app, "POST", "/jobs/x/stop", "").await, 404, "unknown_action").await;
+    assert_problem(send(&app, "GET", "/artifacts/00", "").await, 404, "record_not_found").await;
+}
+
+#[tokio::test]
+async fn a_dry_run_answers_and_does_nothing() {
+    let (app, _folder) = idle().await;
+    let body = r#"{"kind": "dataset.generate", "params": {"preset": "smoke"}}"#;
+    let answer = json_of(send(&app, "POST", "/jobs?dry_run=true", body).await).await;
+    assert_eq!((&answer["id"], &answer["params"]["preset"]), (&Value::Null, &json!("smoke")));
+    assert_eq!(json_of(send(&app, "GET", "/jobs", "").await).await["data"], json!([]));
+}
+
+#[tokio::test]
+async fn a_key_asks_once() {
+    let (app, _folder) = idle().await;
+    let body = r#"{"kind": "dataset.generate"}"#;
+    let key = [("idempotency-key", "k1")];
+    let first = json_of(send_with(&app, "POST", "/jobs", body, &key).await).await;
+    let again = json_of(send_with(&app, "POST", "/jobs", body, &key).await).await;
+    assert_eq!(first["id"], again["id"]);
+    let other = r#"{"kind": "dataset.generate", "name": "other"}"#;
+    let answer = send_with(&app, "POST", "/jobs", other, &key).await;
+    assert_problem(answer, 422, "idempotency_key_reused").await;
+    // At once, and as often as one likes.
+    let key = [("idempotency-key", "k2")];
+    let asked = (0..20).map(|_| send_with(&app, "POST", "/jobs", body, &key));
+    let mut ids = Vec::new();
+    for answer in futures_util::future::join_all(asked).await {
+        ids.push(json_of(answer).await["id"].clone());
+    }
+    ids.dedup();
+    assert_eq!(ids.len(), 1);
+    let jobs = json_of(send(&app, "GET", "/jobs", "").await).await;
+    assert_eq!(jobs["data"].as_array().unwrap().len(), 2);
+}
+
+#[tokio::test]
+async fn lists_are_read_page_by_page() {
+    let (app, _folder) = idle().await;
+    let mut ids = Vec::new();
+    for name in ["a", "b", "c", "d", "e"] {
+        ids.push(ask(&app, name).await);
+    }
+    let mut seen = Vec::new();
+    let mut path = "/jobs?limit=2".to_owned();
+    loop {
+        let page = json_of(send(&app, "GET", &path, "").await).await;
+        let of_page = page["data"].as_array().unwrap().iter();
+        seen.extend(of_page.map(|job| job["id"].as_str().unwrap().to_owned()));
+        if page["has_more"] == false {
+            break;
+        }
+        path = format!("/jobs?limit=2&after={}", page["last_id"].as_str().unwrap());
+    }
+    seen.reverse();
+    assert_eq!(seen, ids);
+    let by_metadata = json_of(send(&app, "GET", "/jobs?metadata[of]=c", "").await).await;
+    assert_eq!(by_metadata["data"][0]["id"], ids[2].as_str());
+    assert_eq!(by_metadata["data"].as_array().unwrap().len(), 1);
+}
+
+#[tokio::test]
+async fn what_waits_is_cancelled_paused_tried_again_and_deleted() {
+    let (app, _folder) = idle().await;
+    let id = ask(&app, "x").await;
+    let act = async |verb: &str| send(&app, "POST", &format!("/jobs/{id}/{verb}"), "").await;
+    let status = async |answer: Response| json_of(answer).await["status"].clone();
+    assert_eq!(status(act("pause").await).await, "paused");
+    assert_eq!(status(act("pause").await).await, "paused", "again does no harm");
+    assert_problem(act("retry").await, 409, "invalid_state").await;
+    assert_eq!(status(act("resume").await).await, "queued");
+    let answer = send(&app, "DELETE", &format!("/jobs/{id}"), "").await;
+    assert_problem(answer, 409, "invalid_state").await;
+    assert_eq!(status(act("cancel").await).await, "cancelled");
+    assert_eq!(status(act("cancel").await).await, "cancelled");
+    assert_problem(act("pause").await, 409, "invalid_state").await;
+    let patch = send(&app, "PATCH", &format!("/jobs/{id}"), r#"{"priority": 3}"#).await;
+    assert_problem(patch, 409, "invalid_state").await;
+    let patch = send(&app, "PATCH", &format!("/jobs/{id}"), r#"{"name": "better"}"#).await;
+    assert_eq!(json_of(patch).await["name"], "better");
+    let copy = json_of(act("clone").await).await;
+    assert!(copy["id"] != id.as_str() && copy["name"] == "better");
+    let events = json_of(send(&app, "GET", &format!("/jobs/{id}/events"), "").await).await;
+    let events = events["data"].as_array().unwrap().iter();
+    let told: Vec<&str> = events.map(|event| event["data"]["status"].as_str().unwrap()).collect();
+    assert_eq!(told, ["queued", "paused", "queued", "cancelled"]);
+    // All of it is read, and nothing will come.
+    let stream = send(&app, "GET", &format!("/jobs/{id}/stream?after=1000000"), "").await;
+    assert_eq!(stream.status(), StatusCode::NO_CONTENT);
+    let answer = send(&app, "DELETE", &format!("/jobs/{id}"), "").await;
+    assert_eq!(answer.status(), StatusCode::NO_CONTENT);
+    assert_problem(send(&app, "GET", &format!("/jobs/{id}"), "").await, 404, "job_not_found").await;
+}
+
+#[tokio::test]
+async fn a_report_without_its_token_is_refused() {
+    let (app, _folder) = idle().await;
+    let id = ask(&app, "x").await;
+    let path = format!("/jobs/{id}/reports");
+    assert_problem(send(&app, "POST", &path, "{}").await, 409, "not_its_turn").await;
+    let token = [("authorization", "Bearer 0123")];
+    let answer = send_with(&app, "POST", &path, r#"{"ended": "done"}"#, &token).await;
+    assert_problem(answer, 409, "not_its_turn").await;
+    let job = json_of(send(&app, "GET", &format!("/jobs/{id}"), "").await).await;
+    assert_eq!(job["status"], "queued");
+}
+
+#[tokio::test]
+async fn whoever_waits_is_told_of_a_change() {
+    let (app, _folder) = idle().await;
+    let id = ask(&app, "x").await;
+    let path = format!("/jobs/{id}?wait=20s");
+    let waiting = send(&app, "GET", &path, "");
+    let cancelling = async {
+        tokio::time::sleep(std::time::Duration::from_millis(50)).await;
+        send(&app, "POST", &format!("/jobs/{id}/cancel"), "").await
+    };
+    let began = std::time::Instant::now();
+    let (told, _) = futures_util::future::join(waiting, cancelling).await;
+    assert_eq!(json_of(told).await["status"], "cancelled");
+    assert!(began.elapsed().as_secs() < 10);
+}
+
+#[tokio::test]
+async fn a_server_without_a_folder_says_how_to_start_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let app = app(AppState::new(folder.path(), folder.path()));
+    assert_problem(send(&app, "GET", "/jobs", "").await, 404, "jobs_disabled").await;
+    let api = json_of(send(&app, "GET", "", "").await).await;
+    assert_eq!(api["jobs_enabled"], false);
+}
+
+#[tokio::test]
+async fn changes_need_the_token_and_no_foreign_page() {
+    let folder = tempfile::tempdir().unwrap();
+    let app = app(idle_in(folder.path()).await.with_token("0123456789abcdef"));
+    let verbs = ["cancel", "pause", "resume", "retry", "clone"];
+    let acts = verbs.map(|verb| ("POST", format!("/jobs/job_x/{verb}")));
+    let others = [("POST", "/jobs"), ("PATCH", "/jobs/job_x"), ("DELETE", "/jobs/job_x")];
+    let others = others.map(|(method, path)| (method, path.to_owned()));
+    for (method, path) in acts.into_iter().chain(others) {
+        for token in [None, Some("Bearer wrong"), Some("0123456789abcdef")] {
+            let headers: Vec<_> = token.map(|token| ("authorization", token)).into_iter().collect();
+            let answer = send_with(&app, method, &path, "{}", &headers).await;
+            assert_eq!(answer.headers()["www-authenticate"], "Bearer", "{method} {path}");
+            assert_problem(answer, 401, "unauthorized").await;
+        }
+        let headers = [("authorization", "Bearer 0123456789abcdef")];
+        let answer = send_with(&app, method, &path, "{}", &headers).await;
+        assert_ne!(answer.status(), StatusCode::UNAUTHORIZED, "{method} {path}");
+        let headers = [headers[0], ("host", "here:8787"), ("origin", "http://evil.example")];
+        let answer = send_with(&app, method, &path, "{}", &headers).await;
+        assert_problem(answer, 403, "foreign_origin").await;
+    }
+    assert_eq!(send(&app, "GET", "/jobs", "").await.status(), StatusCode::OK);
+}
