@@ -6,15 +6,18 @@
 //! long as it reports; what one says that is no longer the job's is refused, so that no job ends twice.
 
 mod command;
+mod estimate;
 mod launch;
 mod report;
 mod settle;
 
 pub use crate::job::{Progress, Worker};
+pub(crate) use estimate::Estimate;
 pub use launch::JOB_FILE;
 pub use report::{Answer, Command, Ended, JobFile, Note, Report};
 
 use crate::job::{Failure, Inputs, Job, Kind, Params, Status, Wish};
+use crate::metrics::Metrics;
 use crate::problem::Problem;
 use crate::store::{Level, News, RecordKind, Store, StoreError, Type};
 use chrono::Utc;
@@ -57,6 +60,8 @@ const MOST_LOST: u64 = 5;
 #[derive(Debug)]
 pub struct Engine {
     pub(crate) store: Store,
+    /// What is counted.
+    pub(crate) metrics: Arc<Metrics>,
     config: EngineConfig,
     launcher: Local,
     /// Address of the server, once it is known.
@@ -95,6 +100,7 @@ impl Engine {
         let store = Store::open(&config.data).await.map_err(|error| failed(&error))?;
         let engine = Self {
             store,
+            metrics: Arc::new(Metrics::new()),
             launcher: Local::new(&config.program),
             config,
             url: OnceLock::new(),
@@ -109,11 +115,11 @@ impl Engine {
     pub async fn work(self: Arc<Self>, url: &str) {
         self.url.set(url.to_owned()).ok();
         if let Err(error) = self.adopt().await {
-            eprintln!("warning: jobs that were running: {error}");
+            tracing::warn!(%error, "jobs that were running");
         }
         loop {
             if let Err(error) = self.look().await {
-                eprintln!("warning: {error}");
+                tracing::warn!(%error, "looking for jobs");
             }
             tokio::select! {
                 () = self.wake.notified() => {}
@@ -147,6 +153,11 @@ impl Engine {
 
     fn kills(&self) -> std::sync::MutexGuard<'_, HashMap<String, (u64, oneshot::Sender<()>)>> {
         self.kills.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Folder of everything that is kept.
+    pub(crate) fn data(&self) -> &Path {
+        &self.config.data
     }
 
     /// Folder of a job.
@@ -204,6 +215,8 @@ impl Engine {
             Ok(())
         };
         let Some(Ok((job, ()))) = self.store.change(id, run).await? else { return Ok(()) };
+        tracing::info!(job = id, kind = job.kind.name(), attempt = job.attempt, "begins");
+        self.metrics.begun(&job);
         if let Err(error) = self.start(&job, &token).await {
             let failure = Failure {
                 code: "launch_failed".into(),
@@ -260,7 +273,7 @@ impl Engine {
             }
             engine.kills().retain(|other, (of, _)| *other != id || *of != attempt);
             if let Err(error) = engine.vanished(&id, Some(attempt)).await {
-                eprintln!("warning: {id}: {error}");
+                tracing::warn!(job = id, %error, "settling");
             }
             engine.wake.notify_one();
         });
@@ -302,9 +315,24 @@ impl Engine {
             }
             Ok(())
         };
-        self.store.change(id, settle).await?;
-        self.wake.notify_one();
+        let changed = self.store.change(id, settle).await?;
+        self.settled(changed);
         Ok(())
+    }
+
+    /// Notes that the process of a job is gone.
+    fn settled(&self, changed: Option<Result<(Job, ()), ()>>) {
+        if let Some(Ok((job, ()))) = changed {
+            let (status, lost) = (job.status.name(), job.lost);
+            match &job.error {
+                Some(error) => {
+                    tracing::warn!(job = job.id, status, lost, error = error.message, "ended");
+                }
+                None => tracing::info!(job = job.id, status, lost, "ended"),
+            }
+            self.metrics.ended(&job);
+        }
+        self.wake.notify_one();
     }
 
     /// Ends a job as its process says.
@@ -332,8 +360,8 @@ impl Engine {
             }
             Ok(())
         };
-        self.store.change(id, settle).await?;
-        self.wake.notify_one();
+        let changed = self.store.change(id, settle).await?;
+        self.settled(changed);
         Ok(())
     }
 
@@ -355,6 +383,7 @@ impl Engine {
             _ => None,
         });
         let checkpoints: Vec<u64> = checkpoints.collect();
+        let mut further = Vec::new();
         let told = |job: &mut Job, news: &mut Vec<News>| {
             if worker.is_some() {
                 job.worker = worker;
@@ -363,8 +392,13 @@ impl Engine {
             if is_new {
                 job.phase = phase;
             }
-            if progress.is_some() && (is_new || progress != job.progress) {
+            if let Some(now) = &progress
+                && (is_new || progress != job.progress)
+            {
                 job.lost = 0;
+                let before = job.progress.as_ref().filter(|_| !is_new);
+                let by = now.completed - before.map_or(0.0, |before| before.completed);
+                further.push((job.kind, now.unit.clone(), by));
                 job.progress = progress;
                 let data = json!({ "phase": job.phase, "progress": job.progress });
                 news.push(News::new(Type::Progress, job.phase.clone().unwrap_or_default(), data));
@@ -385,6 +419,9 @@ impl Engine {
         };
         let changed = self.store.change(id, told).await?;
         let (job, wish) = changed.ok_or_else(|| Problem::no_job(id))??;
+        for (kind, unit, by) in further {
+            self.metrics.came_further(kind, &unit, by);
+        }
         for step in checkpoints {
             self.keep_checkpoint(&job, step).await?;
         }

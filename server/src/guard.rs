@@ -1,23 +1,60 @@
-//! Who may ask for a change: whoever has the token, where one is set, and no page of somebody else's.
+//! Who may ask for a change, and how often: whoever has the token, where one is set, and no page of somebody else's.
 
+use crate::limits::Limits;
 use crate::{AppState, Problem};
-use axum::extract::{Request, State};
+use axum::extract::{ConnectInfo, Request, State};
 use axum::http::{HeaderMap, Method, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
+use governor::clock::{Clock, DefaultClock};
+use governor::{DefaultKeyedRateLimiter, Quota, RateLimiter};
+use std::net::{IpAddr, SocketAddr};
+use std::time::Duration;
 
-/// Refuses changes by pages of other origins, and by those without the token.
+/// How often each address asked of late.
+#[derive(Debug)]
+pub(crate) struct Pace(DefaultKeyedRateLimiter<IpAddr>);
+
+/// Addresses that are remembered at most, before those that were silent are forgotten.
+const MOST_ADDRESSES: usize = 10_000;
+
+impl Pace {
+    /// Nobody has asked yet.
+    pub(crate) fn new(limits: &Limits) -> Self {
+        Self(RateLimiter::keyed(Quota::per_second(limits.changes_per_second)))
+    }
+
+    /// Counts a request; says how long to wait if there were too many.
+    fn count(&self, address: IpAddr) -> Result<(), Duration> {
+        if self.0.len() > MOST_ADDRESSES {
+            self.0.retain_recent();
+        }
+        let clock = DefaultClock::default();
+        self.0.check_key(&address).map_err(|early| early.wait_time_from(clock.now()))
+    }
+}
+
+/// Refuses changes by pages of other origins, by those without the token, and by those who ask too often.
 pub(crate) async fn guard(State(state): State<AppState>, request: Request, next: Next) -> Response {
     let is_read = matches!(*request.method(), Method::GET | Method::HEAD | Method::OPTIONS);
-    // A job's process has a token of its own.
+    // A job's process has a token of its own, and reports as often as it has to.
     let is_report = request.uri().path().ends_with("/reports");
     if !is_read {
         if let Some(origin) = foreign_origin(request.headers(), &state) {
             return Problem::foreign_origin(&origin).into_response();
         }
-        if !is_report && !state.admits(bearer(request.headers())) {
-            let challenge = [(header::WWW_AUTHENTICATE, "Bearer")];
-            return (challenge, Problem::unauthorized()).into_response();
+        if !is_report {
+            if !state.admits(bearer(request.headers())) {
+                let challenge = [(header::WWW_AUTHENTICATE, "Bearer")];
+                return (challenge, Problem::unauthorized()).into_response();
+            }
+            let from = request.extensions().get::<ConnectInfo<SocketAddr>>();
+            if let Some(Err(wait)) = from.map(|ConnectInfo(from)| state.pace.count(from.ip())) {
+                let seconds = wait.as_secs_f64().ceil().max(1.0);
+                let after = [(header::RETRY_AFTER, seconds.to_string())];
+                let most = state.limits.changes_per_second.get();
+                return (after, Problem::too_often(most)).into_response();
+            }
         }
     }
     next.run(request).await
@@ -36,5 +73,6 @@ fn foreign_origin(headers: &HeaderMap, state: &AppState) -> Option<String> {
     let origin = text(header::ORIGIN)?;
     let host = text(header::HOST).unwrap_or_default();
     let is_own = origin.split_once("://").is_some_and(|(_, rest)| rest == host);
-    (!is_own && !state.origins.iter().any(|allowed| allowed == origin)).then(|| origin.to_owned())
+    let is_allowed = || state.origins.iter().any(|allowed| allowed.as_bytes() == origin.as_bytes());
+    (!is_own && !is_allowed()).then(|| origin.to_owned())
 }

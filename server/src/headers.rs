@@ -1,7 +1,10 @@
 //! Headers that every answer carries.
 
-use axum::http::{HeaderName, HeaderValue, header};
+use crate::observe::REQUEST_ID;
+use axum::http::{HeaderName, HeaderValue, Method, header};
 use axum::response::Response;
+use std::time::Duration;
+use tower_http::cors::CorsLayer;
 
 /// Nothing but our own files runs or loads. `wasm-unsafe-eval` lets WebAssembly compile and nothing
 /// else; `blob:` images are the screenshots that the page makes itself.
@@ -26,4 +29,28 @@ pub(crate) async fn secure(mut response: Response) -> Response {
         response.headers_mut().insert(name, HeaderValue::from_static(value));
     }
     response
+}
+
+/// Lets pages of these origins use the API, if there are any.
+pub(crate) fn shared(origins: &[HeaderValue]) -> Option<CorsLayer> {
+    let header = HeaderName::from_static;
+    let sent = [
+        header::AUTHORIZATION,
+        header::CONTENT_TYPE,
+        header::IF_NONE_MATCH,
+        header::RANGE,
+        header("idempotency-key"),
+        header("last-event-id"),
+        REQUEST_ID,
+    ];
+    let read =
+        [header::ETAG, header::LOCATION, header::RETRY_AFTER, header::CONTENT_RANGE, REQUEST_ID];
+    (!origins.is_empty()).then(|| {
+        CorsLayer::new()
+            .allow_origin(origins.to_vec())
+            .allow_methods([Method::GET, Method::POST, Method::PATCH, Method::DELETE])
+            .allow_headers(sent)
+            .expose_headers(read)
+            .max_age(Duration::from_secs(3600))
+    })
 }

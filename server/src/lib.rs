@@ -9,7 +9,10 @@ mod extract;
 mod guard;
 mod headers;
 mod job;
+mod limits;
+mod metrics;
 mod model;
+mod observe;
 mod problem;
 mod routes;
 mod state;
@@ -18,6 +21,7 @@ mod store;
 use axum::response::IntoResponse;
 use tower_http::catch_panic::CatchPanicLayer;
 
+pub use limits::Limits;
 pub use problem::Problem;
 pub use state::AppState;
 
@@ -29,8 +33,14 @@ pub fn openapi() -> utoipa::openapi::OpenApi {
 /// All routes with their headers. Every error, wherever it arises, is a [`Problem`].
 pub fn app(state: AppState) -> axum::Router {
     let guard = axum::middleware::from_fn_with_state(state.clone(), guard::guard);
+    let observe = axum::middleware::from_fn_with_state(state.clone(), observe::observe);
     let secure = axum::middleware::map_response(headers::secure);
     let caught = CatchPanicLayer::custom(|_| Problem::panicked().into_response());
     let (router, _) = routes::router();
-    router.layer(caught).layer(guard).layer(secure).with_state(state)
+    let router = router.layer(caught).layer(guard);
+    let router = match headers::shared(&state.origins) {
+        Some(shared) => router.layer(shared),
+        None => router,
+    };
+    router.layer(observe).layer(secure).with_state(state)
 }

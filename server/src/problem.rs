@@ -154,6 +154,27 @@ impl Problem {
         Self::new(StatusCode::SERVICE_UNAVAILABLE, "queue_full", detail, hint)
     }
 
+    /// An address asks too often.
+    pub(crate) fn too_often(most: u32) -> Self {
+        let detail = format!("more than {most} changes a second were asked for");
+        let hint = "wait as long as the Retry-After header says";
+        Self::new(StatusCode::TOO_MANY_REQUESTS, "too_many_requests", detail, hint)
+    }
+
+    /// The disk is nearly full.
+    pub(crate) fn disk_full(free: u64, least: u64) -> Self {
+        let detail = format!("{free} bytes are free on the disk, and {least} stay so");
+        let hint = "delete jobs and meshes that are no longer needed, or make room";
+        Self::new(StatusCode::INSUFFICIENT_STORAGE, "disk_full", detail, hint)
+    }
+
+    /// As many meshes are kept as may be.
+    pub(crate) fn meshes_full(most: u64) -> Self {
+        let detail = format!("meshes of {most} bytes in all are kept");
+        let hint = "delete some: DELETE /api/v1/meshes/{id}";
+        Self::new(StatusCode::INSUFFICIENT_STORAGE, "meshes_full", detail, hint)
+    }
+
     /// A report of a process that is no longer the job's.
     pub(crate) fn not_its_turn() -> Self {
         let detail = "this process is not, or no longer, the one that works on the job".to_owned();
@@ -230,7 +251,7 @@ impl Problem {
 
 impl From<StoreError> for Problem {
     fn from(error: StoreError) -> Self {
-        eprintln!("error: {error}");
+        tracing::error!(%error, "the store");
         let hint = "look at the server's log; what was there is still there";
         let status = StatusCode::INTERNAL_SERVER_ERROR;
         Self::new(status, "store_failed", error.to_string(), hint)
@@ -250,6 +271,9 @@ impl IntoResponse for Problem {
         });
         if let Some(param) = &self.param {
             body["errors"] = json!([{ "param": param, "detail": self.detail }]);
+        }
+        if let Some(id) = crate::observe::current() {
+            body["request_id"] = id.into();
         }
         let is_busy = self.status == StatusCode::SERVICE_UNAVAILABLE;
         let mut response = (self.status, Json(body)).into_response();

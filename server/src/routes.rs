@@ -113,6 +113,8 @@ async fn discover(axum::extract::State(state): axum::extract::State<AppState>) -
         },
         "limits": {
             "request_bytes": MOST_BODY, "mesh_bytes": MAX_BYTES, "mesh_triangles": MAX_TRIANGLES,
+            "kept_mesh_bytes": state.limits.kept_mesh_bytes, "queued_jobs": state.limits.queued,
+            "changes_per_second": state.limits.changes_per_second,
         },
     }))
 }

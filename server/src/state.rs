@@ -1,6 +1,10 @@
 //! What every route may read: where the files lie, and their hashes.
 
 use crate::engine::Engine;
+use crate::guard::Pace;
+use crate::limits::Limits;
+use crate::metrics::Metrics;
+use axum::http::HeaderValue;
 use std::collections::HashMap;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -20,7 +24,13 @@ pub struct AppState {
     /// BLAKE3 of the token that changes need, if they need one.
     token: Option<blake3::Hash>,
     /// Origins of pages, beside our own, that may ask for changes.
-    pub(crate) origins: Arc<[String]>,
+    pub(crate) origins: Arc<[HeaderValue]>,
+    /// How much may be asked.
+    pub(crate) limits: Limits,
+    /// How often each address asked.
+    pub(crate) pace: Arc<Pace>,
+    /// What is counted.
+    pub(crate) metrics: Arc<Metrics>,
     /// Whether the server is about to end.
     stopping: tokio::sync::watch::Receiver<bool>,
 }
@@ -43,6 +53,9 @@ impl AppState {
             engine: None,
             token: None,
             origins: Arc::from([]),
+            limits: Limits::default(),
+            pace: Arc::new(Pace::new(&Limits::default())),
+            metrics: Arc::new(Metrics::new()),
             stopping: tokio::sync::watch::channel(false).1,
         }
     }
@@ -53,7 +66,18 @@ impl AppState {
         engine: Arc<Engine>,
         stopping: tokio::sync::watch::Receiver<bool>,
     ) -> Self {
-        Self { engine: Some(engine), stopping, ..self }
+        let metrics = engine.metrics.clone();
+        Self { engine: Some(engine), stopping, metrics, ..self }
+    }
+
+    /// Pages of these origins (`https://example.org`) may use the API, too.
+    pub fn with_origins(self, origins: impl IntoIterator<Item = HeaderValue>) -> Self {
+        Self { origins: origins.into_iter().collect(), ..self }
+    }
+
+    /// With other limits than the standard ones.
+    pub fn with_limits(self, limits: Limits) -> Self {
+        Self { limits, pace: Arc::new(Pace::new(&limits)), ..self }
     }
 
     /// Changes need this token, too.

@@ -1,14 +1,18 @@
 //! `ngf serve`: binds the server to an address until it is told to stop; with a folder for data, it does jobs.
 
 use anyhow::{Context, bail};
-use server::AppState;
+use axum::http::HeaderValue;
 use server::engine::{Engine, EngineConfig};
-use std::io::Write;
+use server::{AppState, Limits};
+use std::io::{IsTerminal, Write};
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
+use std::num::NonZeroU32;
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::time::Duration;
+use tracing_subscriber::EnvFilter;
+use tracing_subscriber::filter::LevelFilter;
 
 /// Downloads still running when the server is told to stop may take this long.
 const GRACE: Duration = Duration::from_secs(3);
@@ -37,6 +41,21 @@ pub(crate) struct Options {
     /// Folder of jobs and what comes of them; without it, the server does none.
     #[arg(long, value_name = "DIR")]
     data: Option<PathBuf>,
+    /// Origin of a page that may use the API, too, as https://example.org; again for more.
+    #[arg(long, value_name = "ORIGIN")]
+    allow_origin: Vec<HeaderValue>,
+    /// Changes that one address may ask for in a second.
+    #[arg(long, value_name = "N", default_value_t = Limits::default().changes_per_second)]
+    rate: NonZeroU32,
+    /// Gigabytes of meshes that are kept.
+    #[arg(long, value_name = "GB", default_value_t = Limits::default().kept_mesh_bytes / GB)]
+    meshes: u64,
+    /// Gigabytes of the disk that stay free.
+    #[arg(long, value_name = "GB", default_value_t = Limits::default().free_bytes / GB)]
+    free: u64,
+    /// How the log on stderr is written; the variable NGF_LOG says how much of it (info, debug, ...).
+    #[arg(long, value_enum, default_value_t = Log::Text)]
+    log: Log,
     /// Jobs at a time.
     #[arg(long, value_name = "N", default_value_t = 1)]
     places: usize,
@@ -45,12 +64,43 @@ pub(crate) struct Options {
     open: bool,
 }
 
+/// A gigabyte.
+const GB: u64 = 1_000_000_000;
+
+/// How the log is written.
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+enum Log {
+    /// Lines for people.
+    Text,
+    /// Lines of JSON.
+    Json,
+}
+
+/// Says on stderr what happens.
+fn begin_log(log: Log) -> anyhow::Result<()> {
+    let filter = EnvFilter::builder()
+        .with_env_var("NGF_LOG")
+        .with_default_directive(LevelFilter::INFO.into())
+        .from_env()
+        .context("NGF_LOG cannot be read; try NGF_LOG=debug")?;
+    let log_to = tracing_subscriber::fmt()
+        .with_env_filter(filter)
+        .with_writer(std::io::stderr)
+        .with_ansi(std::io::stderr().is_terminal());
+    match log {
+        Log::Text => log_to.init(),
+        Log::Json => log_to.json().flatten_event(true).init(),
+    }
+    Ok(())
+}
+
 /// Serves until Ctrl-C or SIGTERM.
 pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
     tokio::runtime::Runtime::new().context("no runtime")?.block_on(serve(options))
 }
 
 async fn serve(options: &Options) -> anyhow::Result<()> {
+    begin_log(options.log)?;
     let wanted = SocketAddr::from((options.bind, options.port));
     let token = token(options)?;
     let listener = tokio::net::TcpListener::bind(wanted).await.with_context(|| {
@@ -65,14 +115,22 @@ async fn serve(options: &Options) -> anyhow::Result<()> {
 
     let (stopping, mut stopped) = tokio::sync::watch::channel(false);
     let engine = engine(options).await?;
-    let mut state = AppState::new(&options.web, &options.models);
+    let limits = Limits {
+        changes_per_second: options.rate,
+        kept_mesh_bytes: options.meshes.saturating_mul(GB),
+        free_bytes: options.free.saturating_mul(GB),
+        ..Limits::default()
+    };
+    let mut state = AppState::new(&options.web, &options.models)
+        .with_limits(limits)
+        .with_origins(options.allow_origin.iter().cloned());
     if let Some(token) = &token {
         state = state.with_token(token);
     }
     if let Some(engine) = &engine {
         state = state.with_engine(engine.clone(), stopped.clone());
     }
-    let app = server::app(state);
+    let app = server::app(state).into_make_service_with_connect_info::<SocketAddr>();
     let working = engine.clone().map(|engine| {
         let address = address.clone();
         tokio::spawn(async move { engine.work(&address).await })

@@ -27,12 +27,12 @@ impl Server {
     }
 
     fn start_at(port: &str, data: &Path) -> Self {
-        let mut process = Command::new(env!("CARGO_BIN_EXE_ngf"))
-            .args(["serve", "--port", port, "--data"])
-            .arg(data)
-            .stdout(Stdio::piped())
-            .spawn()
-            .unwrap();
+        let mut serve = Command::new(env!("CARGO_BIN_EXE_ngf"));
+        Self::spawn(serve.args(["serve", "--port", port, "--data"]).arg(data))
+    }
+
+    fn spawn(serve: &mut Command) -> Self {
+        let mut process = serve.stdout(Stdio::piped()).spawn().unwrap();
         let mut url = String::new();
         BufReader::new(process.stdout.take().unwrap()).read_line(&mut url).unwrap();
         assert!(url.starts_with("http://"), "{url}");
@@ -273,4 +273,40 @@ fn an_address_that_others_reach_needs_a_token() {
     assert!(serve(&["--token-file", file_name]).contains("cannot read the token"));
     std::fs::write(&file, "short").unwrap();
     assert!(serve(&["--token-file", file_name]).contains("fewer than 16"));
+}
+
+#[test]
+fn no_token_is_written_down() {
+    let folder = tempfile::tempdir().unwrap();
+    let (data, log) = (folder.path().join("data"), folder.path().join("log"));
+    let token = "0123456789abcdef-the-operator's";
+    let token_file = folder.path().join("token");
+    std::fs::write(&token_file, token).unwrap();
+    let mut serve = Command::new(env!("CARGO_BIN_EXE_ngf"));
+    serve.args(["serve", "--port", "0", "--log", "json", "--data"]).arg(&data);
+    serve.arg("--token-file").arg(&token_file).env("NGF_LOG", "trace");
+    let server = Server::spawn(serve.stderr(std::fs::File::create(&log).unwrap()));
+    let evaluation =
+        json!({ "model_id": "planner", "object": "sugar_box", "attempts": 1, "seed": 1 });
+    let job = ureq::post(format!("{}/api/v1/jobs", server.url))
+        .header("Authorization", format!("Bearer {token}"))
+        .send_json(json!({ "kind": "policy.evaluate", "params": evaluation }));
+    let job: Value = job.unwrap().body_mut().read_json().unwrap();
+    let id = job["id"].as_str().unwrap();
+    server.wait_for(id, "succeeded");
+    let work = data.join("work").join(id);
+    let told: Value =
+        serde_json::from_slice(&std::fs::read(work.join("job.json")).unwrap()).unwrap();
+    let text = std::fs::read_to_string(&log).unwrap();
+    let said = std::fs::read_to_string(work.join("log.txt")).unwrap();
+    let events = json!(server.events(id)).to_string();
+    for secret in [token, told["token"].as_str().unwrap()] {
+        assert!(secret.len() > 16 && !text.contains(secret), "in the server's log");
+        assert!(!said.contains(secret) && !events.contains(secret), "in the job's log");
+    }
+    let lines: Vec<Value> =
+        text.lines().map(|line| serde_json::from_str(line).expect(line)).collect();
+    let answered = |line: &&Value| line["message"] == "answered" && line["method"] == "POST";
+    let asked = lines.iter().find(answered).unwrap();
+    assert_eq!((&asked["path"], &asked["status"]), (&json!("/api/v1/jobs"), &json!(201)));
 }

@@ -1,6 +1,7 @@
 //! A job as whoever asks sees it.
 
 use super::{Failure, Inputs, Job, Kind, Outputs, Params, Progress, Status, Worker};
+use crate::engine::Estimate;
 use chrono::{DateTime, TimeDelta, Utc};
 use serde::Serialize;
 use serde_json::{Map, Value};
@@ -46,6 +47,9 @@ pub(crate) struct JobView<'a> {
     worker: Option<&'a Worker>,
     /// How often a process began with it.
     attempt: u64,
+    /// What it would take; only in a dry run.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    estimate: Option<Estimate>,
     urls: Option<Urls>,
 }
 
@@ -121,6 +125,7 @@ impl Job {
             error: self.error.as_ref(),
             worker: self.worker.as_ref(),
             attempt: self.attempt,
+            estimate: None,
             urls: Some(Urls {
                 itself: url(""),
                 events: url("/events"),
@@ -140,8 +145,8 @@ impl Job {
     }
 
     /// As it would be: it has no id, and nothing can be asked of it.
-    pub(crate) fn draft(&self) -> JobView<'_> {
-        JobView { id: None, urls: None, ..self.view() }
+    pub(crate) fn draft(&self, estimate: Estimate) -> JobView<'_> {
+        JobView { id: None, urls: None, estimate: Some(estimate), ..self.view() }
     }
 }
 

@@ -4,6 +4,7 @@ use super::Jobs;
 use super::jobs::{find, limit};
 use crate::engine::Engine;
 use crate::extract::{Path, Query};
+use crate::metrics::OpenStream;
 use crate::store::{Event, Type};
 use crate::{AppState, Problem};
 use axum::Json;
@@ -102,6 +103,7 @@ struct Reader {
     news: tokio::sync::watch::Receiver<i64>,
     stopping: tokio::sync::watch::Receiver<bool>,
     is_over: bool,
+    _open: OpenStream,
 }
 
 async fn open(
@@ -134,6 +136,7 @@ async fn open(
         after,
         ready: Vec::new().into_iter(),
         is_over: false,
+        _open: OpenStream::new(&state.metrics),
     };
     // A browser that is told so does not come back.
     if reader.all_ended().await? && reader.fetch().await? == 0 {

@@ -1,7 +1,6 @@
 //! Jobs over HTTP.
 
 use super::Jobs;
-use crate::Problem;
 use crate::engine::{Engine, Report};
 use crate::extract::{Path, Query, Whole};
 use crate::guard::bearer;
@@ -10,7 +9,9 @@ use crate::job::{
     PolicyParams, Status,
 };
 use crate::store::{Created, Filter, News, Type};
+use crate::{AppState, Problem};
 use axum::Json;
+use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde::Deserialize;
@@ -96,9 +97,6 @@ const MOST_METADATA: usize = 16;
 const MOST_KEY: usize = 64;
 const MOST_VALUE: usize = 512;
 
-/// Jobs that may wait at a time.
-const MOST_QUEUED: usize = 1000;
-
 fn checked_name(name: Option<&str>) -> Result<(), Problem> {
     if name.is_some_and(|name| name.len() > MOST_NAME) {
         return Err(Problem::invalid("name", format!("it may have {MOST_NAME} bytes at most")));
@@ -131,6 +129,7 @@ fn checked_metadata(metadata: &Map<String, Value>) -> Result<(), Problem> {
     responses((status = 201, description = "The job, which waits", body = JobView<'static>), (status = 200, description = "A dry run", body = JobView<'static>)),
 )]
 pub(crate) async fn create(
+    State(state): State<AppState>,
     Jobs(engine): Jobs,
     Query(query): Query<BTreeMap<String, String>>,
     headers: HeaderMap,
@@ -146,11 +145,14 @@ pub(crate) async fn create(
     let mut job = Job::new(request.kind, params, inputs);
     (job.name, job.metadata, job.priority) = (request.name, request.metadata, request.priority);
     if query.get("dry_run").is_some_and(|value| value == "true") {
-        return Ok(Json(job.draft()).into_response());
+        let estimate = engine.estimate(&job).await?;
+        return Ok(Json(job.draft(estimate)).into_response());
     }
-    if engine.store.ids_in(&[Status::Queued]).await?.len() >= MOST_QUEUED {
-        return Err(Problem::queue_full(MOST_QUEUED));
+    let most = state.limits.queued;
+    if engine.store.ids_in(&[Status::Queued]).await?.len() >= most {
+        return Err(Problem::queue_full(most));
     }
+    state.limits.leave_space(engine.data())?;
     let key = headers.get("idempotency-key").map(|key| key.to_str().unwrap_or_default());
     if key.is_some_and(|key| key.is_empty() || key.len() > 255) {
         return Err(Problem::invalid("Idempotency-Key", "it has 1 to 255 visible characters"));

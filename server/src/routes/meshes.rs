@@ -2,12 +2,12 @@
 
 use super::Jobs;
 use super::jobs::limit;
-use crate::Problem;
 use crate::extract::{Path, Query};
 use crate::store::RecordKind;
+use crate::{AppState, Problem};
 use axum::Json;
 use axum::body::Body;
-use axum::extract::{FromRequest, Multipart, Request};
+use axum::extract::{FromRequest, Multipart, Request, State};
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use chrono::Utc;
@@ -26,13 +26,20 @@ const MOST_NAME: usize = 100;
     responses((status = 201, description = "What the mesh is", body = Object), (status = 200, description = "The same bytes are there", body = Object)),
 )]
 pub(crate) async fn upload(
+    State(state): State<AppState>,
     Jobs(engine): Jobs,
     Query(query): Query<BTreeMap<String, String>>,
     request: Request,
 ) -> Result<Response, Problem> {
+    state.limits.leave_space(engine.data())?;
+    let most = state.limits.kept_mesh_bytes;
+    if engine.store.bytes_of(RecordKind::Mesh).await? >= most {
+        return Err(Problem::meshes_full(most));
+    }
     let given = query.get("name").cloned();
     let (name, bytes) = read(given, request).await?;
     let name = plain(&name);
+    state.metrics.uploaded.inc_by(bytes.len() as u64);
     let inspected = tokio::task::spawn_blocking(move || {
         let report = mesh::import(&bytes, None).and_then(|import| Report::of(&import));
         (report, bytes)

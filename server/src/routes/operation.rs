@@ -1,11 +1,10 @@
 //! For those who operate the server, and for programs that want to know it.
 
-use super::Jobs;
-use crate::Problem;
+use crate::{AppState, Problem};
 use axum::Json;
+use axum::extract::State;
 use axum::http::header;
 use axum::response::{IntoResponse, Response};
-use std::fmt::Write;
 use utoipa::openapi::security::{HttpAuthScheme, HttpBuilder, SecurityScheme};
 use utoipa::openapi::{
     Components, ContentBuilder, InfoBuilder, LicenseBuilder, OpenApi, Ref, RefOr,
@@ -72,15 +71,11 @@ pub(super) async fn openapi() -> Json<OpenApi> {
 }
 
 /// Numbers for Prometheus.
-pub(super) async fn metrics(jobs: Result<Jobs, Problem>) -> Result<Response, Problem> {
-    let mut text = String::from("# TYPE ngf_build_info gauge\n");
-    writeln!(text, "ngf_build_info{{version=\"{}\"}} 1", env!("CARGO_PKG_VERSION")).ok();
-    if let Ok(Jobs(engine)) = jobs {
-        text += "# HELP ngf_jobs Jobs by kind and status.\n# TYPE ngf_jobs gauge\n";
-        for (kind, status, count) in engine.store.counts().await? {
-            writeln!(text, "ngf_jobs{{kind=\"{kind}\",status=\"{status}\"}} {count}").ok();
-        }
-    }
-    let kind = [(header::CONTENT_TYPE, "text/plain; version=0.0.4; charset=utf-8")];
-    Ok((kind, text).into_response())
+pub(super) async fn metrics(State(state): State<AppState>) -> Result<Response, Problem> {
+    let jobs = match &state.engine {
+        Some(engine) => engine.store.counts().await?,
+        None => Vec::new(),
+    };
+    let kind = "application/openmetrics-text; version=1.0.0; charset=utf-8";
+    Ok(([(header::CONTENT_TYPE, kind)], state.metrics.written(jobs)).into_response())
 }

@@ -56,6 +56,17 @@ impl Store {
         Ok(record.map(|record| serde_json::from_str(&record)).transpose()?)
     }
 
+    /// Bytes of all records of a kind together.
+    pub(crate) async fn bytes_of(&self, kind: RecordKind) -> Result<u64, StoreError> {
+        let bytes: i64 = sqlx::query_scalar(
+            "SELECT coalesce(sum(json_extract(record, '$.bytes')), 0) FROM records WHERE kind = ?",
+        )
+        .bind(kind.name())
+        .fetch_one(&self.readers)
+        .await?;
+        Ok(bytes.unsigned_abs())
+    }
+
     /// Forgets a record.
     pub(crate) async fn forget(&self, kind: RecordKind, id: &str) -> Result<(), StoreError> {
         sqlx::query("DELETE FROM records WHERE id = ? AND kind = ?")

@@ -125,6 +125,9 @@ async fn a_dry_run_answers_and_does_nothing() {
     let body = r#"{"kind": "dataset.generate", "params": {"preset": "smoke"}}"#;
     let answer = json_of(send(&app, "POST", "/jobs?dry_run=true", body).await).await;
     assert_eq!((&answer["id"], &answer["params"]["preset"]), (&Value::Null, &json!("smoke")));
+    let estimate = &answer["estimate"];
+    assert!(estimate["seconds"].as_f64().is_some_and(|seconds| seconds > 1.0), "{estimate}");
+    assert!(estimate["bytes"].as_f64().is_some_and(|bytes| bytes > 1e6), "{estimate}");
     assert_eq!(json_of(send(&app, "GET", "/jobs", "").await).await["data"], json!([]));
 }
 
@@ -252,22 +255,31 @@ async fn a_server_without_a_folder_says_how_to_start_one() {
 async fn changes_need_the_token_and_no_foreign_page() {
     let folder = tempfile::tempdir().unwrap();
     let app = app(idle_in(folder.path()).await.with_token("0123456789abcdef"));
-    let verbs = ["cancel", "pause", "resume", "retry", "clone"];
-    let acts = verbs.map(|verb| ("POST", format!("/jobs/job_x/{verb}")));
-    let others = [("POST", "/jobs"), ("PATCH", "/jobs/job_x"), ("DELETE", "/jobs/job_x")];
-    let others = others.map(|(method, path)| (method, path.to_owned()));
-    for (method, path) in acts.into_iter().chain(others) {
+    let described = serde_json::to_value(server::openapi()).unwrap();
+    let mut changes = Vec::new();
+    for (path, item) in described["paths"].as_object().unwrap() {
+        let path = path.strip_prefix("/api/v1").unwrap().replace("{verb}", "cancel");
+        let path = path.replace(['{', '}'], "");
+        // A job's process has a token of its own: see below.
+        for method in ["post", "put", "patch", "delete"] {
+            if item[method].is_object() && !path.ends_with("/reports") {
+                changes.push((method.to_uppercase(), path.clone()));
+            }
+        }
+    }
+    assert!(changes.len() >= 6, "{changes:?}");
+    for (method, path) in changes {
         for token in [None, Some("Bearer wrong"), Some("0123456789abcdef")] {
             let headers: Vec<_> = token.map(|token| ("authorization", token)).into_iter().collect();
-            let answer = send_with(&app, method, &path, "{}", &headers).await;
+            let answer = send_with(&app, &method, &path, "{}", &headers).await;
             assert_eq!(answer.headers()["www-authenticate"], "Bearer", "{method} {path}");
             assert_problem(answer, 401, "unauthorized").await;
         }
         let headers = [("authorization", "Bearer 0123456789abcdef")];
-        let answer = send_with(&app, method, &path, "{}", &headers).await;
+        let answer = send_with(&app, &method, &path, "{}", &headers).await;
         assert_ne!(answer.status(), StatusCode::UNAUTHORIZED, "{method} {path}");
         let headers = [headers[0], ("host", "here:8787"), ("origin", "http://evil.example")];
-        let answer = send_with(&app, method, &path, "{}", &headers).await;
+        let answer = send_with(&app, &method, &path, "{}", &headers).await;
         assert_problem(answer, 403, "foreign_origin").await;
     }
     assert_eq!(send(&app, "GET", "/jobs", "").await.status(), StatusCode::OK);
