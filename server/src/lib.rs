@@ -18,8 +18,13 @@ mod routes;
 mod state;
 mod store;
 
+use axum::body::Body;
 use axum::response::IntoResponse;
+use std::time::Duration;
+use tower::ServiceBuilder;
 use tower_http::catch_panic::CatchPanicLayer;
+use tower_http::map_request_body::MapRequestBodyLayer;
+use tower_http::timeout::RequestBodyTimeoutLayer;
 
 pub use limits::Limits;
 pub use problem::Problem;
@@ -30,6 +35,9 @@ pub fn openapi() -> utoipa::openapi::OpenApi {
     routes::router().1
 }
 
+/// Whoever sends a body and then nothing for so long is no longer heard.
+const SILENCE: Duration = Duration::from_secs(30);
+
 /// All routes with their headers. Every error, wherever it arises, is a [`Problem`].
 pub fn app(state: AppState) -> axum::Router {
     let guard = axum::middleware::from_fn_with_state(state.clone(), guard::guard);
@@ -37,7 +45,10 @@ pub fn app(state: AppState) -> axum::Router {
     let secure = axum::middleware::map_response(headers::secure);
     let caught = CatchPanicLayer::custom(|_| Problem::panicked().into_response());
     let (router, _) = routes::router();
-    let router = router.layer(caught).layer(guard);
+    let in_time = ServiceBuilder::new()
+        .layer(RequestBodyTimeoutLayer::new(SILENCE))
+        .layer(MapRequestBodyLayer::new(Body::new));
+    let router = router.layer(caught).layer(in_time).layer(guard);
     let router = match headers::shared(&state.origins) {
         Some(shared) => router.layer(shared),
         None => router,

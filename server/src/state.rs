@@ -11,6 +11,9 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::SystemTime;
 
+/// Stands for the model that whoever operates the server chose.
+const DEFAULT: &str = "default";
+
 /// Folders to serve from; cheap to clone.
 #[derive(Clone, Debug)]
 pub struct AppState {
@@ -25,6 +28,8 @@ pub struct AppState {
     token: Option<blake3::Hash>,
     /// Origins of pages, beside our own, that may ask for changes.
     pub(crate) origins: Arc<[HeaderValue]>,
+    /// Id of the model that `default` stands for.
+    default_model: Arc<str>,
     /// How much may be asked.
     pub(crate) limits: Limits,
     /// How often each address asked.
@@ -53,6 +58,7 @@ impl AppState {
             engine: None,
             token: None,
             origins: Arc::from([]),
+            default_model: Arc::from(DEFAULT),
             limits: Limits::default(),
             pace: Arc::new(Pace::new(&Limits::default())),
             metrics: Arc::new(Metrics::new()),
@@ -73,6 +79,16 @@ impl AppState {
     /// Pages of these origins (`https://example.org`) may use the API, too.
     pub fn with_origins(self, origins: impl IntoIterator<Item = HeaderValue>) -> Self {
         Self { origins: origins.into_iter().collect(), ..self }
+    }
+
+    /// `default` stands for this model: one that was there before, or one of a job.
+    pub fn with_default_model(self, id: &str) -> Self {
+        Self { default_model: id.into(), ..self }
+    }
+
+    /// Which model an id stands for.
+    pub(crate) fn model_of<'a>(&'a self, id: &'a str) -> &'a str {
+        if id == DEFAULT { &self.default_model } else { id }
     }
 
     /// With other limits than the standard ones.

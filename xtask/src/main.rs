@@ -34,7 +34,8 @@ enum Command {
     Check,
     /// Everything that CI runs, in the browser too; ends with a count.
     Test,
-    /// What takes longer: the attempts of a hundred seeds in the browser, bit for bit as natively.
+    /// What takes longer: the attempts of a hundred seeds in the browser, bit for bit as natively; violent ends of jobs,
+    /// a crowd of readers, and requests of every kind.
     Prove,
     /// Measure.
     Bench {

@@ -65,7 +65,43 @@ pub(crate) fn prove(place: &Place) -> Result<bool> {
         tests.env("NGF_ATTEMPTS", "50").env("WASM_BINDGEN_TEST_TIMEOUT", PROOF_SECONDS);
         stages.count(&mut tests)
     });
+    stages.stage("jobs", |stages| {
+        let mut cargo = place.cargo(&["test", "--workspace", "--no-fail-fast", "--test", "jobs"]);
+        cargo.args(NOT_NATIVE).args(["--", "--ignored", "--nocapture", "--test-threads", "1"]);
+        stages.count(&mut cargo)
+    });
+    stages.stage("requests", |_| requests(place));
     Ok(stages.report())
+}
+
+/// Requests of all kinds, good and bad, made from the description of the API: none is answered otherwise than described,
+/// none by a failure of the server.
+fn requests(place: &Place) -> Result<()> {
+    let python = python::environment(place, "requests.txt")?;
+    run(&mut place.cargo(&["build", "-q", "-p", "ngf"]))?;
+    let folder = place.target.join("tmp/requests");
+    if folder.exists() {
+        std::fs::remove_dir_all(&folder)?;
+    }
+    // Jobs are taken, and none begins.
+    let serve = ["serve", "--port", "0", "--places", "0", "--rate", "100000", "--data"];
+    let mut serve = place.command(place.program("ngf"), &serve);
+    serve.arg(&folder).env("NGF_LOG", "warn").stdout(Stdio::piped());
+    let mut server = serve.spawn().context("cannot run ngf")?;
+    let mut address = String::new();
+    if let Some(said) = server.stdout.take() {
+        BufReader::new(said).read_line(&mut address)?;
+    }
+    let checks = "not_a_server_error,status_code_conformance,content_type_conformance,\
+                  response_schema_conformance,negative_data_rejection";
+    let description = format!("{}/openapi.json", address.trim());
+    let mut ask = place.command(python.with_file_name("schemathesis"), &["run", &description]);
+    ask.args(["--phases", "coverage,fuzzing", "--continue-on-failure", "--warnings", "off"]);
+    ask.args(["--checks", checks, "--max-time", "300", "--seed", "1"]);
+    let asked = run(&mut ask);
+    server.kill()?;
+    server.wait()?;
+    asked
 }
 
 fn quick(place: &Place, stages: &mut Stages) {

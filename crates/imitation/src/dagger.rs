@@ -29,6 +29,9 @@ pub struct DaggerConfig {
     pub potential_share: f64,
     /// States a step, over all shards.
     pub batch: usize,
+    /// Batches of states under way: each step takes the next one of them. With one alone, the states of a step would
+    /// be those of the step before, 33 ms later, and the weights would follow the few lessons that are under way.
+    pub rounds: usize,
     /// Threads.
     pub shards: usize,
     /// Peak learning rate.
@@ -72,6 +75,7 @@ impl DaggerConfig {
             steps: 72_000,
             potential_share: 0.95,
             batch: 128,
+            rounds: 8,
             shards: 2,
             rate: 5e-4,
             horizon: 90,
@@ -82,7 +86,7 @@ impl DaggerConfig {
             start_share: 0.25,
             gains: Gains { position: 225.0, velocity: 30.0 },
             lead: 0.2,
-            span: 1000,
+            span: 5000,
             policy,
             seed: 0,
         }
@@ -142,17 +146,19 @@ pub fn train(
         watcher.warn(text);
     })?;
 
-    let mut visits = Vec::new();
+    let mut rounds = Vec::new();
     let mut reporter = Reporter::default();
     while adam.steps < config.steps {
-        if visits.is_empty() || adam.steps.is_multiple_of(config.span) {
+        if rounds.is_empty() || adam.steps.is_multiple_of(config.span) {
             crate::checkpoint::save(&checkpoint, &params, &adam, &settings)?;
             rng = ChaCha8Rng::seed_from_u64(config.seed ^ (adam.steps + 1) << 20);
-            visits = class.batch(config, adam.steps, &mut rng);
+            rounds = class.rounds(config, adam.steps, &mut rng);
         }
+        let turn = (adam.steps % rounds.len() as u64) as usize;
+        let visits: &mut [Visit] = &mut rounds[turn];
         let is_early = (adam.steps as f64) < config.potential_share * config.steps as f64;
         let active = if is_early { Active::Potential } else { Active::All };
-        let outcome = examine(tree, &network, &params, lessons, config, active, &visits)?;
+        let outcome = examine(tree, &network, &params, lessons, config, active, visits)?;
         let rate = schedule(adam.steps, 500, config.steps, config.rate);
         let norm = adam.step(&params, &outcome.gradients, rate, 10.0, config.shards)?;
         if !norm.is_finite() {
@@ -186,13 +192,14 @@ impl<'a> Class<'a> {
         Self { lessons, taught: (0..lessons.len()).filter(|&i| lessons[i].is_full()).collect() }
     }
 
-    /// The states of a batch. Horizons are staggered, so that they are not all drawn anew at once.
-    fn batch(&self, config: &DaggerConfig, step: u64, rng: &mut ChaCha8Rng) -> Vec<Visit> {
-        let staggered = |i| {
+    /// States of several batches. Horizons are staggered, so that they are not all drawn anew at once.
+    fn rounds(&self, config: &DaggerConfig, step: u64, rng: &mut ChaCha8Rng) -> Vec<Vec<Visit>> {
+        let mut staggered = |i| {
             let visit = self.draw(config, config.grown(step), rng);
             Visit { left: 1 + i % visit.left, ..visit }
         };
-        (0..config.batch).map(staggered).collect()
+        let mut batch = |_| (0..config.batch).map(&mut staggered).collect();
+        (0..config.rounds.max(1)).map(&mut batch).collect()
     }
 
     /// A start of a neighbour or a noisy state of a random demonstration; `grown` is the share of

@@ -38,6 +38,9 @@ pub(crate) struct Options {
     /// Folder of the models, one folder each.
     #[arg(long, value_name = "DIR", default_value = "models")]
     models: PathBuf,
+    /// Id of the model that the page opens and `default` stands for; a job's, too.
+    #[arg(long, value_name = "ID", default_value = "default")]
+    default_model: String,
     /// Folder of jobs and what comes of them; without it, the server does none.
     #[arg(long, value_name = "DIR")]
     data: Option<PathBuf>,
@@ -123,6 +126,7 @@ async fn serve(options: &Options) -> anyhow::Result<()> {
     };
     let mut state = AppState::new(&options.web, &options.models)
         .with_limits(limits)
+        .with_default_model(&options.default_model)
         .with_origins(options.allow_origin.iter().cloned());
     if let Some(token) = &token {
         state = state.with_token(token);

@@ -18,6 +18,7 @@ use std::collections::BTreeMap;
 use std::convert::Infallible;
 use std::sync::Arc;
 use std::time::Duration;
+use utoipa::ToSchema;
 
 /// The number in `evt_17` or `17`.
 fn number(param: &str, text: &str) -> Result<i64, Problem> {
@@ -55,7 +56,7 @@ pub(crate) async fn list(
 #[utoipa::path(
     get, path = "/jobs/{id}/stream", tag = "events",
     params(("id" = String, Path, description = "Id of the job"), ("after" = Option<String>, Query, description = "Id of an event"), ("Last-Event-ID" = Option<String>, Header)),
-    responses((status = 200, description = "Events as they come", content_type = "text/event-stream", body = String), (status = 204, description = "It has ended, and all is read")),
+    responses((status = 200, description = "Events as they come", content_type = "text/event-stream", body = StreamedEvent), (status = 204, description = "It has ended, and all is read")),
 )]
 pub(crate) async fn stream_of(
     State(state): State<AppState>,
@@ -74,7 +75,7 @@ const MOST_JOBS: usize = 100;
 #[utoipa::path(
     get, path = "/stream", tag = "events",
     params(("jobs" = String, Query, description = "Ids with commas"), ("after" = Option<String>, Query), ("Last-Event-ID" = Option<String>, Header)),
-    responses((status = 200, description = "Events of several jobs as they come", content_type = "text/event-stream", body = String), (status = 204, description = "All have ended, and all is read")),
+    responses((status = 200, description = "Events of several jobs as they come", content_type = "text/event-stream", body = StreamedEvent), (status = 204, description = "All have ended, and all is read")),
 )]
 pub(crate) async fn stream_all(
     State(state): State<AppState>,
@@ -89,6 +90,18 @@ pub(crate) async fn stream_all(
         return Err(Problem::invalid("jobs", format!("it names 1 to {MOST_JOBS} jobs: a,b")));
     }
     open(&state, engine, jobs, &query, &headers).await
+}
+
+/// An event on its way.
+#[derive(ToSchema)]
+#[expect(dead_code, reason = "only described")]
+struct StreamedEvent {
+    /// Its number, for Last-Event-ID.
+    id: Option<String>,
+    /// Its type, or `done`.
+    event: String,
+    /// The event as JSON, as the list has it.
+    data: String,
 }
 
 /// Events read at a time.

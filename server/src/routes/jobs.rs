@@ -37,19 +37,22 @@ struct Request {
 
 /// What is asked for, as it is described: the parameters go with the kind.
 #[derive(ToSchema)]
-#[serde(tag = "kind", content = "params")]
+#[serde(tag = "kind")]
 #[expect(dead_code, reason = "only described")]
 enum JobTask {
     #[serde(rename = "dataset.generate")]
-    Dataset(DatasetParams),
+    Dataset {
+        #[serde(default)]
+        params: DatasetParams,
+    },
     #[serde(rename = "encoder.train")]
-    Encoder(EncoderParams),
+    Encoder { params: EncoderParams },
     #[serde(rename = "policy.train")]
-    Policy(PolicyParams),
+    Policy { params: PolicyParams },
     #[serde(rename = "policy.evaluate")]
-    Evaluation(EvaluationParams),
+    Evaluation { params: EvaluationParams },
     #[serde(rename = "mesh.prepare")]
-    Mesh(MeshParams),
+    Mesh { params: MeshParams },
 }
 
 /// A request for a job, as it is described.
@@ -138,9 +141,15 @@ pub(crate) async fn create(
     let request: Request = read_json(&body)?;
     checked_name(request.name.as_deref())?;
     checked_metadata(&request.metadata)?;
-    let params = Params::resolve(request.kind, request.params).map_err(|invalid| {
+    let mut params = Params::resolve(request.kind, request.params).map_err(|invalid| {
         Problem::invalid(&format!("params.{}", invalid.param), invalid.detail)
     })?;
+    // What `default` stands for may be another model tomorrow.
+    match &mut params {
+        Params::Policy(params) => params.encoder_id = state.model_of(&params.encoder_id).to_owned(),
+        Params::Evaluation(params) => params.model_id = state.model_of(&params.model_id).to_owned(),
+        _ => {}
+    }
     let inputs = engine.inputs(&params).await?;
     let mut job = Job::new(request.kind, params, inputs);
     (job.name, job.metadata, job.priority) = (request.name, request.metadata, request.priority);
@@ -310,7 +319,7 @@ pub(super) async fn find(engine: &Engine, id: &str) -> Result<Job, Problem> {
 /// What can be done to a job.
 #[utoipa::path(
     post, path = "/jobs/{id}/{verb}", tag = "jobs",
-    params(("id" = String, Path, description = "Id of the job"), ("verb" = Verb, Path, description = "What is asked of it")),
+    params(("id" = String, Path, description = "Id of the job"), ("verb" = inline(Verb), Path, description = "What is asked of it")),
     responses((status = 202, description = "The job; of clone, the new one", body = JobView<'static>)),
 )]
 pub(crate) async fn act(

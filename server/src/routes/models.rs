@@ -69,9 +69,10 @@ pub(crate) async fn card(
     State(state): State<AppState>,
     Path(id): Path<String>,
 ) -> Result<Json<Value>, Problem> {
-    match of_job(&state, &id).await? {
+    let id = state.model_of(&id);
+    match of_job(&state, id).await? {
         Some(record) => Ok(Json(described(record))),
-        None => Ok(Json(Model::find(&state, &id).await?.describe(&state).await?)),
+        None => Ok(Json(Model::find(&state, id).await?.describe(&state).await?)),
     }
 }
 
@@ -87,13 +88,14 @@ pub(crate) async fn file(
     Path((id, name)): Path<(String, String)>,
     mut request: Request,
 ) -> Result<Response, Problem> {
-    if let (Some(record), Some(engine)) = (of_job(&state, &id).await?, &state.engine) {
+    let id = state.model_of(&id);
+    if let (Some(record), Some(engine)) = (of_job(&state, id).await?, &state.engine) {
         let known = ModelFile::named(&name).and_then(|file| record["files"].get(file.file_name));
         let hash = known.and_then(|file| file["blake3"].as_str());
-        let hash = hash.ok_or_else(|| no_file(&id, &name))?;
+        let hash = hash.ok_or_else(|| no_file(id, &name))?;
         return artifacts::serve(engine, hash, request.headers()).await;
     }
-    let model = Model::find(&state, &id).await?;
+    let model = Model::find(&state, id).await?;
     let file = ModelFile::named(&name).ok_or_else(|| no_file(&model.id, &name))?;
     let hashed = state.hashed(model.path(file)).await.map_err(|e| Problem::unreadable(&e))?;
     let hash = hashed.ok_or_else(|| no_file(&model.id, &name))?.blake3.to_hex();

@@ -134,6 +134,22 @@ async fn the_list_holds_folders_with_weights_and_may_be_empty() {
 }
 
 #[tokio::test]
+async fn the_default_model_is_chosen() {
+    let folder = folder();
+    let models = folder.path().join("models");
+    std::fs::rename(models.join("default"), models.join("chosen")).expect("another name");
+    let state = AppState::new(&folder.path().join("web"), &models);
+    let ask = |state: AppState| {
+        let request = Request::get("/api/v1/models/default").body(Body::empty());
+        app(state).oneshot(request.expect("a request"))
+    };
+    let missing = ask(state.clone()).await.expect("an answer");
+    assert_problem(missing, StatusCode::NOT_FOUND, "model_not_found").await;
+    let chosen = ask(state.with_default_model("chosen")).await.expect("an answer");
+    assert_eq!(json(chosen).await["id"], "chosen");
+}
+
+#[tokio::test]
 async fn weights_are_found_by_their_hash_and_kept_for_ever() {
     let folder = folder();
     let card = json(get(&folder, "/api/v1/models/default").await).await;

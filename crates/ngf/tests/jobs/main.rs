@@ -2,129 +2,19 @@
 
 #![allow(clippy::unwrap_used, reason = "a helper of a test fails by panicking too")]
 
+mod proofs;
+mod server;
+
 use serde_json::{Value, json};
+use server::{Server, is_alive, kill, made};
 use std::io::{BufRead, BufReader};
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
+use std::process::Command;
 use std::time::{Duration, Instant};
-
-/// A server on a port of its own, killed when it is dropped.
-struct Server {
-    process: Child,
-    url: String,
-}
-
-impl Server {
-    fn start(data: &Path) -> Self {
-        Self::start_at("0", data)
-    }
-
-    /// Kills it and starts another one at the same address.
-    fn killed_and_started(self, data: &Path) -> Self {
-        let port = self.url.rsplit(':').next().unwrap().to_owned();
-        drop(self);
-        Self::start_at(&port, data)
-    }
-
-    fn start_at(port: &str, data: &Path) -> Self {
-        let mut serve = Command::new(env!("CARGO_BIN_EXE_ngf"));
-        Self::spawn(serve.args(["serve", "--port", port, "--data"]).arg(data))
-    }
-
-    fn spawn(serve: &mut Command) -> Self {
-        let mut process = serve.stdout(Stdio::piped()).spawn().unwrap();
-        let mut url = String::new();
-        BufReader::new(process.stdout.take().unwrap()).read_line(&mut url).unwrap();
-        assert!(url.starts_with("http://"), "{url}");
-        Self { process, url: url.trim().to_owned() }
-    }
-
-    fn get(&self, path: &str) -> Value {
-        let url = format!("{}/api/v1{path}", self.url);
-        ureq::get(url).call().unwrap().body_mut().read_json().unwrap()
-    }
-
-    fn post(&self, path: &str, body: &Value) -> Value {
-        let url = format!("{}/api/v1{path}", self.url);
-        ureq::post(url).send_json(body).unwrap().body_mut().read_json().unwrap()
-    }
-
-    /// Asks for a job; gives its id.
-    fn ask(&self, kind: &str, params: Value) -> String {
-        let job = self.post("/jobs", &json!({ "kind": kind, "params": params }));
-        assert_eq!(job["status"], "queued", "{job}");
-        job["id"].as_str().unwrap().to_owned()
-    }
-
-    /// The job once `is_so` holds.
-    fn wait(&self, id: &str, is_so: impl Fn(&Value) -> bool) -> Value {
-        let began = Instant::now();
-        loop {
-            let job = self.get(&format!("/jobs/{id}"));
-            if is_so(&job) {
-                return job;
-            }
-            assert!(began.elapsed() < Duration::from_secs(240), "{job}");
-            std::thread::sleep(Duration::from_millis(50));
-        }
-    }
-
-    fn wait_for(&self, id: &str, status: &str) -> Value {
-        self.wait(id, |job| {
-            assert!(job["status"] != "failed" || status == "failed", "{job}");
-            job["status"] == status
-        })
-    }
-
-    /// Waits until the job has come further than before.
-    fn wait_for_progress(&self, id: &str) {
-        self.wait(id, |job| job["progress"]["completed"].as_f64().is_some_and(|done| done > 0.0));
-    }
-
-    fn events(&self, id: &str) -> Vec<Value> {
-        let mut all = Vec::new();
-        loop {
-            let after = all.last().map_or(0, |event: &Value| event["seq"].as_i64().unwrap());
-            let page = self.get(&format!("/jobs/{id}/events?after={after}&limit=100"));
-            all.extend(page["data"].as_array().unwrap().iter().cloned());
-            if page["has_more"] == false {
-                return all;
-            }
-        }
-    }
-}
-
-impl Drop for Server {
-    fn drop(&mut self) {
-        self.process.kill().ok();
-        self.process.wait().ok();
-    }
-}
-
-/// Ends a process as the kernel does that needs its memory.
-fn kill(pid: u64) {
-    assert!(Command::new("kill").args(["-9", &pid.to_string()]).status().unwrap().success());
-}
-
-/// Whether a process is at work.
-fn is_alive(pid: u64) -> bool {
-    let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).unwrap_or_default();
-    stat.split(' ').nth(2).is_some_and(|state| state != "Z")
-}
 
 /// Twenty attempts of the planner take some seconds.
 fn attempts() -> Value {
     json!({ "model_id": "planner", "object": "sugar_box", "attempts": 20 })
-}
-
-/// The hashes of what a job made, but for its log, which has times.
-fn made(server: &Server, id: &str) -> Vec<(String, String)> {
-    let artifacts = server.get(&format!("/jobs/{id}/artifacts"));
-    let text = |artifact: &Value, name: &str| artifact[name].as_str().unwrap().to_owned();
-    let all = artifacts["data"].as_array().unwrap().iter();
-    all.map(|one| (text(one, "name"), text(one, "hash")))
-        .filter(|(name, _)| !name.ends_with(".txt") && !name.ends_with(".jsonl"))
-        .collect()
 }
 
 #[test]

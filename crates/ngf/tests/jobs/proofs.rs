@@ -1,0 +1,243 @@
+//! What takes minutes: twenty violent ends, and a crowd that reads. `cargo xtask prove` runs them.
+
+use crate::server::{Server, is_alive, kill, made};
+use serde_json::{Value, json};
+use std::io::{Read, Write};
+use std::net::TcpStream;
+use std::path::Path;
+use std::process::Command;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+/// The kinds of jobs, each with what it is told: seconds of work.
+fn tasks(server: &Server) -> Vec<(&'static str, Value)> {
+    let dataset = json!({ "preset": "smoke" });
+    let made = server.ask("dataset.generate", dataset.clone());
+    let dataset_id = server.wait_for(&made, "succeeded")["outputs"]["dataset_id"].clone();
+    let encoder = json!({ "dataset_id": dataset_id, "steps": 60, "checkpoint": 10 });
+    let trained = server.ask("encoder.train", encoder.clone());
+    let encoder_id = server.wait_for(&trained, "succeeded")["outputs"]["model_id"].clone();
+    let policy = json!({
+        "dataset_id": dataset_id, "encoder_id": encoder_id,
+        "steps": 400, "batch": 32, "checkpoint": 50,
+    });
+    let evaluation = json!({ "model_id": "planner", "object": "sugar_box", "attempts": 30 });
+    vec![
+        ("dataset.generate", dataset),
+        ("encoder.train", encoder),
+        ("policy.train", policy),
+        ("policy.evaluate", evaluation),
+    ]
+}
+
+/// A generator of moments: the same in every run.
+struct Moments(u64);
+
+impl Moments {
+    /// A share of a whole.
+    fn next(&mut self) -> f64 {
+        // Steele and Vigna's splitmix64.
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        (z ^ (z >> 31)) as f64 / u64::MAX as f64
+    }
+}
+
+#[test]
+#[ignore = "minutes: cargo xtask prove"]
+fn twenty_violent_ends_change_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = folder.path().join("data");
+    let mut server = Server::start(&data);
+    let tasks = tasks(&server);
+    let mut undisturbed = Vec::new();
+    for (kind, params) in &tasks {
+        let began = Instant::now();
+        let id = server.ask(kind, params.clone());
+        server.wait_for(&id, "succeeded");
+        undisturbed.push((made(&server, &id), began.elapsed().as_secs_f64()));
+    }
+    let (mut moments, mut pids) = (Moments(1), Vec::new());
+    for round in 0..20 {
+        let (kind, params) = &tasks[round % tasks.len()];
+        let (expected, seconds) = &undisturbed[round % tasks.len()];
+        let id = server.ask(kind, params.clone());
+        let job = server.wait(&id, |job| job["worker"]["pid"].is_u64());
+        let pid = job["worker"]["pid"].as_u64().unwrap();
+        let pause = moments.next() * seconds;
+        std::thread::sleep(Duration::from_secs_f64(pause));
+        let victim = ["process", "server", "both"][round % 3];
+        // It may have ended by now.
+        if victim != "server" && is_alive(pid) {
+            kill(pid);
+        }
+        if victim != "process" {
+            server = server.killed_and_started(&data);
+        }
+        let job = server.wait_for(&id, "succeeded");
+        println!("{kind}: {victim} after {pause:.1} s; attempt {}", job["attempt"]);
+        assert_eq!(&made(&server, &id), expected, "{kind}: {victim} after {pause} s");
+        let is_end = |event: &&Value| event["data"]["status"] == "succeeded";
+        assert_eq!(server.events(&id).iter().filter(is_end).count(), 1, "{kind}");
+        pids.extend([pid, job["worker"]["pid"].as_u64().unwrap()]);
+    }
+    let jobs = server.get("/jobs?limit=100");
+    let is_done = |job: &Value| job["status"] == "succeeded";
+    assert!(jobs["data"].as_array().unwrap().iter().all(is_done), "{jobs}");
+    assert!(!pids.into_iter().any(is_alive), "a process is left over");
+}
+
+/// Memory of a process in use (bytes).
+fn resident(pid: u32) -> u64 {
+    let status = std::fs::read_to_string(format!("/proc/{pid}/status")).unwrap();
+    let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:")).unwrap();
+    1024 * line.trim().trim_end_matches(" kB").parse::<u64>().unwrap()
+}
+
+/// Who reads at the same time, and how long each rests after an answer.
+const READERS: usize = 100;
+const REST: Duration = Duration::from_millis(100);
+
+#[test]
+#[ignore = "ten minutes: cargo xtask prove"]
+fn a_crowd_that_reads_is_answered_while_a_job_trains() {
+    let seconds = std::env::var("NGF_SECONDS").map_or(600, |text| text.parse().unwrap());
+    let folder = tempfile::tempdir().unwrap();
+    let models = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../models");
+    let mut serve = Command::new(env!("CARGO_BIN_EXE_ngf"));
+    serve.args(["serve", "--port", "0", "--data"]).arg(folder.path().join("data"));
+    let server = Server::spawn(serve.arg("--models").arg(models).env("NGF_LOG", "warn"));
+    let (_, policy) = tasks(&server).swap_remove(2);
+    let mut policy = policy;
+    policy["steps"] = json!(10_000_000);
+    policy["checkpoint"] = json!(2000);
+    let id = server.ask("policy.train", policy);
+    server.wait_for_progress(&id);
+
+    let paths = ["/jobs".to_owned(), format!("/jobs/{id}"), format!("/jobs/{id}/events?limit=20")];
+    let (is_over, times) = (AtomicBool::new(false), Mutex::new(Vec::new()));
+    let mut memory = Vec::new();
+    std::thread::scope(|scope| {
+        for reader in 0..READERS {
+            let (server, paths, is_over, times) = (&server, &paths, &is_over, &times);
+            scope.spawn(move || {
+                let agent = ureq::Agent::new_with_defaults();
+                let mut taken = Vec::new();
+                for path in paths.iter().cycle().skip(reader) {
+                    if is_over.load(Ordering::Relaxed) {
+                        break;
+                    }
+                    let began = Instant::now();
+                    let mut answer =
+                        agent.get(format!("{}/api/v1{path}", server.url)).call().unwrap();
+                    answer.body_mut().read_to_string().unwrap();
+                    taken.push(began.elapsed().as_secs_f64());
+                    std::thread::sleep(REST);
+                }
+                times.lock().unwrap().extend(taken);
+            });
+        }
+        let began = Instant::now();
+        while began.elapsed().as_secs() < seconds {
+            std::thread::sleep(Duration::from_secs(seconds.div_ceil(20)));
+            memory.push(resident(server.pid()));
+        }
+        is_over.store(true, Ordering::Relaxed);
+    });
+    let mut times = times.into_inner().unwrap();
+    times.sort_by(f64::total_cmp);
+    let of = |share: f64| 1e3 * times[(share * (times.len() - 1) as f64) as usize];
+    println!(
+        "{} answers to {READERS} readers in {seconds} s: median {:.1} ms, 99 of 100 below {:.1} ms, last {:.1} ms",
+        times.len(),
+        of(0.5),
+        of(0.99),
+        of(1.0)
+    );
+    let megabytes: Vec<u64> = memory.iter().map(|bytes| bytes / 1_000_000).collect();
+    println!("memory of the server (MB): {megabytes:?}");
+    server.post(&format!("/jobs/{id}/cancel"), &json!({}));
+    server.wait_for(&id, "cancelled");
+    assert!(of(0.99) < 50.0, "{}", of(0.99));
+    let (quarter, last) = (memory[memory.len() / 4], memory[memory.len() - 1]);
+    assert!(last < quarter + quarter / 10, "{megabytes:?}");
+
+    let url = format!("{}/api/v1/models/default/weights", server.url);
+    let agent = ureq::Agent::new_with_defaults();
+    let mut rates = Vec::new();
+    for _ in 0..40 {
+        let began = Instant::now();
+        let read = agent.get(&url).call().unwrap().body_mut().read_to_vec().unwrap();
+        rates.push(read.len() as f64 / began.elapsed().as_secs_f64() / 1e6);
+    }
+    rates.sort_by(f64::total_cmp);
+    println!("weights: {:.0} MB/s, the median of 40", rates[20]);
+    assert!(rates[20] > 500.0, "{rates:?}");
+}
+
+/// A corner of a cube, so high.
+fn tetrahedron(height: f64) -> String {
+    format!("v 0 0 0\nv 0.1 0 0\nv 0 0.1 0\nv 0 0 {height}\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n")
+}
+
+#[test]
+#[ignore = "a minute: cargo xtask prove"]
+fn ten_thousand_tiny_uploads_are_taken() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut serve = Command::new(env!("CARGO_BIN_EXE_ngf"));
+    serve.args(["serve", "--port", "0", "--rate", "1000000", "--data"]);
+    serve.arg(folder.path().join("data")).env("NGF_LOG", "warn");
+    let server = Server::spawn(&mut serve);
+    let (agent, began) = (ureq::Agent::new_with_defaults(), Instant::now());
+    let mut before = 0;
+    for number in 0..10_000_u32 {
+        if number == 1000 {
+            before = resident(server.pid());
+        }
+        let mesh = tetrahedron(0.1 + f64::from(number) * 1e-5);
+        let url = format!("{}/api/v1/meshes?name={number}.obj", server.url);
+        assert_eq!(agent.post(url).send(&mesh).unwrap().status(), 201);
+    }
+    let (seconds, after) = (began.elapsed().as_secs_f64(), resident(server.pid()));
+    println!(
+        "10,000 meshes in {seconds:.0} s; memory {} MB, then {} MB",
+        before >> 20,
+        after >> 20
+    );
+    assert_eq!(server.get("/meshes?limit=100")["data"].as_array().unwrap().len(), 100);
+    assert!(after < 2 * before, "{before} {after}");
+}
+
+#[test]
+#[ignore = "half a minute: cargo xtask prove"]
+fn a_body_that_never_ends_is_given_up() {
+    let folder = tempfile::tempdir().unwrap();
+    let server = Server::start(&folder.path().join("data"));
+    let address = server.url.strip_prefix("http://").unwrap();
+    let mut slow: Vec<TcpStream> = (0..100)
+        .map(|_| {
+            let mut stream = TcpStream::connect(address).unwrap();
+            let head =
+                "POST /api/v1/meshes HTTP/1.1\r\nHost: here\r\nContent-Length: 1000\r\n\r\nv 0";
+            stream.write_all(head.as_bytes()).unwrap();
+            stream
+        })
+        .collect();
+    // Nobody else waits for them.
+    let began = Instant::now();
+    server.get("/meshes");
+    assert!(began.elapsed() < Duration::from_millis(500), "{:?}", began.elapsed());
+    for stream in &mut slow {
+        stream.set_read_timeout(Some(Duration::from_secs(45))).unwrap();
+        let mut answer = [0; 1000];
+        let read = stream.read(&mut answer).unwrap();
+        let answer = String::from_utf8_lossy(&answer[..read]).into_owned();
+        assert!(
+            answer.starts_with("HTTP/1.1 400") && answer.contains("body_incomplete"),
+            "{answer}"
+        );
+    }
+}
