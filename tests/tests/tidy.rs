@@ -12,7 +12,7 @@ use toml::{Table, Value};
 /// The design's table, with two remarks. `policy`, `rollout` and what lies below them reach the
 /// browser, so candle stays above. `server` knows from `dataset` and `imitation` what can be asked of a job; the work
 /// is done by `ngf`, a process of its own.
-const MAY_USE: [(&str, &[&str]); 14] = [
+const MAY_USE: [(&str, &[&str]); 15] = [
     ("geometry", &[]),
     ("robot", &["geometry"]),
     ("fabrics", &["geometry", "robot"]),
@@ -55,6 +55,7 @@ const MAY_USE: [(&str, &[&str]); 14] = [
         ],
     ),
     ("wasm", &["geometry", "robot", "fabrics", "scene", "grasps", "policy", "rollout"]),
+    ("fuzz", &["geometry", "robot", "policy", "server"]),
     ("xtask", &[]),
     ("wasm-test-runner", &[]),
 ];
@@ -71,7 +72,7 @@ const KEPT_IN: [(&str, &[&str]); 11] = [
     ("arrow-array", &["dataset"]),
     ("sqlx", &["server"]),
     ("object_store", &["server"]),
-    ("tokio", &["server", "ngf"]),
+    ("tokio", &["server", "ngf", "fuzz"]),
     ("wasm-bindgen", &["wasm"]),
 ];
 

@@ -71,6 +71,7 @@ pub(crate) fn prove(place: &Place) -> Result<bool> {
         stages.count(&mut cargo)
     });
     stages.stage("requests", |_| requests(place));
+    stages.stage("fuzz", |_| fuzz(place));
     Ok(stages.report())
 }
 
@@ -102,6 +103,35 @@ fn requests(place: &Place) -> Result<()> {
     server.kill()?;
     server.wait()?;
     asked
+}
+
+/// Minutes that each target of `fuzz/` is given.
+const FUZZ_MINUTES: u32 = 10;
+
+/// Mutates what strangers may send: meshes, weights, requests for jobs.
+fn fuzz(place: &Place) -> Result<()> {
+    // libFuzzer finds its way by counters at the edges of the code; these flags are those of cargo-fuzz, which needs a
+    // nightly compiler only for the sanitizers.
+    let flags = "-Cpasses=sancov-module -Cllvm-args=-sanitizer-coverage-level=4 \
+                 -Cllvm-args=-sanitizer-coverage-inline-8bit-counters \
+                 -Cllvm-args=-sanitizer-coverage-pc-table -Ccodegen-units=1";
+    let folder = place.target.join("fuzz");
+    let target = folder.to_string_lossy();
+    // Named, so that build scripts and macros, which run here, are not instrumented.
+    let machine = format!("{}-unknown-linux-gnu", std::env::consts::ARCH);
+    let build = ["build", "-p", "fuzz", "--features", "fuzzer", "--bins", "--target-dir", &target];
+    run(place.cargo(&build).args(["--target", &machine]).env("RUSTFLAGS", flags))?;
+    for name in ["mesh", "weights", "job"] {
+        let found = folder.join("corpus").join(name);
+        std::fs::create_dir_all(&found)?;
+        let program = folder.join(&machine).join("debug").join(format!("fuzz-{name}"));
+        let mut fuzzing = place.command(program, &["-timeout=10", "-rss_limit_mb=4096"]);
+        fuzzing.arg(format!("-max_total_time={}", 60 * FUZZ_MINUTES));
+        // What breaks it is left in the folder.
+        fuzzing.arg(format!("-artifact_prefix={}/", folder.display()));
+        run(fuzzing.arg(found).arg(place.root.join("fuzz/corpus").join(name)))?;
+    }
+    Ok(())
 }
 
 fn quick(place: &Place, stages: &mut Stages) {

@@ -1,0 +1,4 @@
+//! Mutates what [`fuzz::job`] reads.
+#![no_main]
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| fuzz::job(bytes));
