@@ -14,8 +14,11 @@ use tempfile::TempDir;
 use tokio::runtime::Runtime;
 use tower::ServiceExt;
 
-/// The name of each target, and what it does.
-pub const TARGETS: [(&str, fn(&[u8])); 3] = [("mesh", mesh), ("weights", weights), ("job", job)];
+/// A name, and what is done with bytes.
+pub type Target = (&'static str, fn(&[u8]));
+
+/// All targets.
+pub const TARGETS: [Target; 3] = [("mesh", mesh), ("weights", weights), ("job", job)];
 
 /// A mesh file.
 pub fn mesh(bytes: &[u8]) {

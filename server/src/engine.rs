@@ -20,11 +20,11 @@ use crate::job::{Failure, Inputs, Job, Kind, Params, Status, Wish};
 use crate::metrics::Metrics;
 use crate::problem::Problem;
 use crate::store::{Level, News, RecordKind, Store, StoreError, Type};
-use chrono::Utc;
+use chrono::{TimeDelta, Utc};
 use command::Given;
 use launch::{Local, Order};
 use serde_json::{Map, json};
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
@@ -47,11 +47,17 @@ pub struct EngineConfig {
 /// A process that is not heard of for so long is taken for dead.
 const LEASE: Duration = Duration::from_secs(15);
 
+/// The same while what it made is being kept.
+const LONG_LEASE: Duration = Duration::from_secs(600);
+
 /// After a start of the server, processes that are still at work have so long to report.
 const ADOPTION: Duration = Duration::from_secs(5);
 
 /// Time between two looks at what waits and what has vanished.
 const PACE: Duration = Duration::from_millis(500);
+
+/// Between two looks there is so much time only if the machine slept.
+const SLEPT: TimeDelta = TimeDelta::seconds(5);
 
 /// Processes of a job that may vanish in a row, without having come further, before it counts as failed.
 const MOST_LOST: u64 = 5;
@@ -117,7 +123,15 @@ impl Engine {
         if let Err(error) = self.adopt().await {
             tracing::warn!(%error, "jobs that were running");
         }
+        let mut last = Utc::now();
         loop {
+            // A machine that slept, or whose clock was set, has not heard of its processes, and they are well.
+            if (Utc::now() - last).abs() > SLEPT
+                && let Err(error) = self.adopt().await
+            {
+                tracing::warn!(%error, "after a sleep");
+            }
+            last = Utc::now();
             if let Err(error) = self.look().await {
                 tracing::warn!(%error, "looking for jobs");
             }
@@ -133,7 +147,10 @@ impl Engine {
         let running = self.store.ids_in(&[Status::Running]).await.unwrap_or_default();
         for id in running {
             let back = |job: &mut Job, news: &mut Vec<News>| {
-                job.status = Status::Queued;
+                job.status = match job.wish {
+                    Wish::Pause => Status::Paused,
+                    _ => Status::Queued,
+                };
                 news.push(News::new(
                     Type::Status,
                     "the server stops",
@@ -209,6 +226,7 @@ impl Engine {
             }
             (job.status, job.wish, job.error) = (Status::Running, Wish::Run, None);
             job.attempt += 1;
+            job.heard = 0;
             job.started_at.get_or_insert_with(Utc::now);
             let data = json!({ "status": job.status, "attempt": job.attempt });
             news.push(News::new(Type::Status, "running", data));
@@ -373,11 +391,15 @@ impl Engine {
         report: Report,
     ) -> Result<Answer, Problem> {
         let hash = blake3::hash(token.as_bytes());
-        let until = (Utc::now() + LEASE).timestamp_millis();
+        // Files are being kept while nothing else is heard of the process.
+        let keeps = |note: &Note| matches!(note, Note::Checkpoint { .. });
+        let is_long = report.ended.is_some() || report.notes.iter().any(keeps);
+        let lease = if is_long { LONG_LEASE } else { LEASE };
+        let until = (Utc::now() + lease).timestamp_millis();
         if !self.store.renew(id, hash.as_bytes(), until).await? {
             return Err(Problem::not_its_turn());
         }
-        let Report { worker, phase, progress, notes, ended } = report;
+        let Report { number, worker, phase, progress, notes, ended } = report;
         let checkpoints = notes.iter().filter_map(|note| match note {
             Note::Checkpoint { step } => Some(*step),
             _ => None,
@@ -385,6 +407,13 @@ impl Engine {
         let checkpoints: Vec<u64> = checkpoints.collect();
         let mut further = Vec::new();
         let told = |job: &mut Job, news: &mut Vec<News>| {
+            if !job.status.has_process() {
+                return Err(Problem::not_its_turn());
+            }
+            if number != 0 && number <= job.heard {
+                return Ok(job.wish);
+            }
+            job.heard = number;
             if worker.is_some() {
                 job.worker = worker;
             }
@@ -395,7 +424,11 @@ impl Engine {
             if let Some(now) = &progress
                 && (is_new || progress != job.progress)
             {
-                job.lost = 0;
+                let phase = job.phase.clone().unwrap_or_default();
+                let furthest = job.furthest.entry(phase).or_default();
+                if now.completed > *furthest {
+                    (*furthest, job.lost) = (now.completed, 0);
+                }
                 let before = job.progress.as_ref().filter(|_| !is_new);
                 let by = now.completed - before.map_or(0.0, |before| before.completed);
                 further.push((job.kind, now.unit.clone(), by));
@@ -597,6 +630,8 @@ impl Job {
             worker: None,
             attempt: 0,
             lost: 0,
+            furthest: BTreeMap::new(),
+            heard: 0,
             wish: Wish::Run,
             revision: 0,
         }

@@ -43,6 +43,10 @@ pub(crate) async fn guard(State(state): State<AppState>, request: Request, next:
         if let Some(origin) = foreign_origin(request.headers(), &state) {
             return Problem::foreign_origin(&origin).into_response();
         }
+        let host = request.headers().get(header::HOST).and_then(|host| host.to_str().ok());
+        if let Some(host) = host.filter(|host| !state.has_token() && !is_loopback(host)) {
+            return Problem::foreign_origin(host).into_response();
+        }
         if !is_report {
             if !state.admits(bearer(request.headers())) {
                 let challenge = [(header::WWW_AUTHENTICATE, "Bearer")];
@@ -60,6 +64,15 @@ pub(crate) async fn guard(State(state): State<AppState>, request: Request, next:
     next.run(request).await
 }
 
+/// Whether a host is this machine. A page can give its own name our address; it cannot take ours.
+fn is_loopback(host: &str) -> bool {
+    let name = match host.strip_prefix('[') {
+        Some(rest) => rest.split(']').next().unwrap_or_default(),
+        None => host.rsplit_once(':').map_or(host, |(name, _)| name),
+    };
+    name == "localhost" || name.parse::<IpAddr>().is_ok_and(|address| address.is_loopback())
+}
+
 /// The token that a request brings.
 pub(crate) fn bearer(headers: &HeaderMap) -> &str {
     let value = headers.get(header::AUTHORIZATION).and_then(|value| value.to_str().ok());
@@ -75,4 +88,19 @@ fn foreign_origin(headers: &HeaderMap, state: &AppState) -> Option<String> {
     let is_own = origin.split_once("://").is_some_and(|(_, rest)| rest == host);
     let is_allowed = || state.origins.iter().any(|allowed| allowed.as_bytes() == origin.as_bytes());
     (!is_own && !is_allowed()).then(|| origin.to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_this_machine_is_this_machine() {
+        for host in ["localhost", "localhost:8787", "127.0.0.1:1", "127.1.2.3", "[::1]:8787"] {
+            assert!(is_loopback(host), "{host}");
+        }
+        for host in ["", "evil.example:8787", "localhost.evil.example", "10.0.0.1", "[::2]:1"] {
+            assert!(!is_loopback(host), "{host}");
+        }
+    }
 }

@@ -164,7 +164,7 @@ impl Problem {
     /// The disk is nearly full.
     pub(crate) fn disk_full(free: u64, least: u64) -> Self {
         let detail = format!("{free} bytes are free on the disk, and {least} stay so");
-        let hint = "delete jobs and meshes that are no longer needed, or make room";
+        let hint = "delete meshes, and jobs with ?artifacts=true, or make room";
         Self::new(StatusCode::INSUFFICIENT_STORAGE, "disk_full", detail, hint)
     }
 

@@ -101,6 +101,11 @@ impl AppState {
         Self { token: Some(blake3::hash(token.as_bytes())), ..self }
     }
 
+    /// Whether changes need a token.
+    pub(crate) fn has_token(&self) -> bool {
+        self.token.is_some()
+    }
+
     /// Whether a change may be asked for with this token. Hashes are compared in constant time.
     pub(crate) fn admits(&self, token: &str) -> bool {
         self.token.is_none_or(|known| known == blake3::hash(token.as_bytes()))

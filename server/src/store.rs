@@ -54,6 +54,8 @@ impl Store {
         let artifacts = dir.join("artifacts");
         std::fs::create_dir_all(&artifacts)?;
         let artifacts = object_store::local::LocalFileSystem::new_with_prefix(artifacts)?;
+        // What the database knows of is on the disk.
+        let artifacts = artifacts.with_fsync(true);
         let options = SqliteConnectOptions::new()
             .filename(dir.join("ngf.sqlite"))
             .create_if_missing(true)

@@ -146,19 +146,27 @@ async fn serve(options: &Options) -> anyhow::Result<()> {
     let deadline = async {
         // An error here means that serving has ended already, and the other branch is taken.
         stopped.wait_for(|stopped| *stopped).await.ok();
+        if let Some(working) = &working {
+            working.abort();
+        }
+        if let Some(engine) = &engine {
+            engine.rest().await;
+        }
         tokio::time::sleep(GRACE).await;
     };
-    let result = tokio::select! {
-        result = serving => result.context("the server failed"),
-        () = deadline => Ok(()),
-    };
-    if let Some(working) = working {
+    // Serving ends without the deadline only if the server was told to stop and nobody is left, or if it failed.
+    tokio::pin!(deadline);
+    tokio::select! {
+        result = serving => result.context("the server failed")?,
+        () = &mut deadline => return Ok(()),
+    }
+    if let Some(working) = &working {
         working.abort();
     }
-    if let Some(engine) = engine {
+    if let Some(engine) = &engine {
         engine.rest().await;
     }
-    result
+    Ok(())
 }
 
 /// The token that changes need, if they need one.

@@ -19,6 +19,8 @@ pub struct JobFile {
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Report {
+    /// Which report of this process it is, from 1: one that is sent again is heard once. 0 has no number.
+    pub number: u64,
     /// Who reports.
     pub worker: Option<Worker>,
     /// What it is at.

@@ -73,17 +73,29 @@ impl Engine {
 
     /// Moves a dataset to where datasets are; gives its id.
     async fn take_dataset(&self, job: &Job, out: &Path) -> Result<String, StoreError> {
-        let manifest = Manifest::read(out).map_err(io::Error::other)?;
-        let summary: Value =
-            serde_json::from_slice(&tokio::fs::read(out.join("summary.json")).await?)?;
-        let id = format!("ds_{}", &manifest.hash[..16]);
-        let place = self.dataset_folder(&manifest.hash);
-        if place.exists() {
+        // The server may be killed between any two of these lines, and is told again.
+        let taken = self.folder(&job.id).join("dataset");
+        let hash = match Manifest::read(out) {
+            Ok(manifest) => {
+                tokio::fs::write(&taken, &manifest.hash).await?;
+                manifest.hash
+            }
+            Err(error) => {
+                let taken = tokio::fs::read_to_string(&taken).await;
+                taken.map_err(|_| io::Error::other(error))?
+            }
+        };
+        let place = self.dataset_folder(&hash);
+        tokio::fs::create_dir_all(place.parent().unwrap_or(&place)).await?;
+        // Another job may have made the same, even at this moment.
+        let moved = out.exists() && tokio::fs::rename(out, &place).await.is_ok();
+        let manifest = Manifest::read(&place).map_err(io::Error::other)?;
+        if !moved && out.exists() {
             tokio::fs::remove_dir_all(out).await?;
-        } else {
-            tokio::fs::create_dir_all(place.parent().unwrap_or(&place)).await?;
-            tokio::fs::rename(out, &place).await?;
         }
+        let summary: Value =
+            serde_json::from_slice(&tokio::fs::read(place.join("summary.json")).await?)?;
+        let id = format!("ds_{}", &manifest.hash[..16]);
         let record = json!({
             "id": id, "object": "dataset", "hash": manifest.hash, "bytes": manifest.bytes(),
             "job": job.id, "created_at": Utc::now(), "config": manifest.inputs.config,

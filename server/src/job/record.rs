@@ -4,6 +4,7 @@ use super::{Kind, Params, Status, Wish};
 use chrono::{DateTime, Utc};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
+use std::collections::BTreeMap;
 use utoipa::ToSchema;
 
 /// All that is known of a job.
@@ -49,8 +50,14 @@ pub(crate) struct Job {
     pub(crate) worker: Option<Worker>,
     /// How often a process began with it: what an earlier one says no longer counts.
     pub(crate) attempt: u64,
-    /// Processes in a row that vanished.
+    /// Processes in a row that vanished without having come further than those before.
     pub(crate) lost: u64,
+    /// How far any process came in each phase.
+    #[serde(default)]
+    pub(crate) furthest: BTreeMap<String, f64>,
+    /// Number of the last report of this attempt that was heard.
+    #[serde(default)]
+    pub(crate) heard: u64,
     /// What is wished of its process.
     #[serde(default)]
     pub(crate) wish: Wish,

@@ -14,7 +14,7 @@ use axum::response::sse::{Event as SseEvent, KeepAlive, Sse};
 use axum::response::{IntoResponse, Response};
 use futures_util::stream;
 use serde_json::{Map, Value, json};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::convert::Infallible;
 use std::sync::Arc;
 use std::time::Duration;
@@ -222,6 +222,12 @@ impl Reader {
 /// Points of a course that are given at most, unless asked otherwise.
 const STANDARD_POINTS: usize = 1000;
 
+/// The same, whatever is asked.
+const MOST_POINTS: usize = 100_000;
+
+/// Events in memory at a time.
+const READ_AT_A_TIME: i64 = 4096;
+
 /// What a job measured, in columns; thinned so that no peak is lost.
 #[utoipa::path(
     get, path = "/jobs/{id}/metrics", tag = "events",
@@ -240,15 +246,27 @@ pub(crate) async fn metrics(
     let job = find(&engine, &id).await?;
     let (after, points) = (whole("after_step", 0)?, whole("max_points", STANDARD_POINTS)?);
     let began = job.started_at.unwrap_or(job.created_at);
-    let events = engine.store.events(&[id], Some(Type::Metric), 0, i64::MAX).await?;
+    let is_asked =
+        |name: &str| query.get("keys").is_none_or(|keys| keys.split(',').any(|key| key == name));
     let mut rows: BTreeMap<u64, Map<String, Value>> = BTreeMap::new();
-    for mut event in events {
+    let (ids, mut read, mut last) = ([id], Vec::new().into_iter(), 0);
+    loop {
+        let Some(mut event) = read.next() else {
+            let page = engine.store.events(&ids, Some(Type::Metric), last, READ_AT_A_TIME).await?;
+            last = page.last().map_or(last, |event| event.seq);
+            read = page.into_iter();
+            if read.len() == 0 {
+                break;
+            }
+            continue;
+        };
         let at = event.json["created_at"].as_str().and_then(|at| at.parse().ok());
         let wall = at
             .map(|at: chrono::DateTime<chrono::Utc>| (at - began).num_milliseconds() as f64 / 1e3);
         let Value::Object(mut values) = event.json["data"].take() else { continue };
         let Some(step) = values.remove("step").and_then(|step| step.as_u64()) else { continue };
         if step > after as u64 || after == 0 {
+            values.retain(|name, _| is_asked(name));
             values.insert("wall".into(), json!(wall));
             // What a process did again counts once.
             rows.entry(step).or_default().extend(values);
@@ -256,13 +274,12 @@ pub(crate) async fn metrics(
     }
     let mut names: Vec<String> = Vec::new();
     for name in rows.values().flat_map(|row| row.keys()) {
-        let is_asked = query.get("keys").is_none_or(|keys| keys.split(',').any(|key| key == name));
-        if (is_asked || name == "wall") && !names.contains(name) {
+        if !names.contains(name) {
             names.push(name.clone());
         }
     }
     let rows: Vec<(u64, Map<String, Value>)> = rows.into_iter().collect();
-    let kept = thinned(&rows, names.iter().find(|name| *name != "wall"), points);
+    let kept = thinned(&rows, &names, points.min(MOST_POINTS));
     let column = |name: &str| -> Value {
         kept.iter().map(|(_, row)| row.get(name).cloned().unwrap_or_default()).collect()
     };
@@ -303,31 +320,36 @@ fn cell(value: &Value) -> String {
     }
 }
 
-/// At most about `points` rows: of each stretch the least and the greatest of a column, in their order.
+/// At most about `points` rows: of each stretch the least and the greatest of every column but the time, in their order.
 fn thinned(
     rows: &[(u64, Map<String, Value>)],
-    by: Option<&String>,
+    names: &[String],
     points: usize,
 ) -> Vec<(u64, Map<String, Value>)> {
-    let stretches = (points / 2).max(1);
     if rows.len() <= points.max(2) {
         return rows.to_vec();
     }
-    let value = |i: usize| by.and_then(|name| rows[i].1.get(name)).and_then(Value::as_f64);
-    let mut kept = Vec::new();
-    for stretch in 0..stretches {
-        let [first, end] = [stretch, stretch + 1].map(|k| k * rows.len() / stretches);
-        let known = || (first..end).filter(|&i| value(i).is_some());
-        let order = |a: &usize, b: &usize| {
-            value(*a).unwrap_or_default().total_cmp(&value(*b).unwrap_or_default())
-        };
-        let ends = [known().min_by(order), known().max_by(order)];
-        let mut ends: Vec<usize> = ends.into_iter().flatten().collect();
-        ends.sort_unstable();
-        ends.dedup();
-        kept.extend(ends.into_iter().map(|i| rows[i].clone()));
+    let columns: Vec<&String> = names.iter().filter(|name| *name != "wall").collect();
+    let stretches = (points / (2 * columns.len().max(1))).max(1);
+    let mut kept = BTreeSet::new();
+    for name in columns {
+        let value = |i: usize| rows[i].1.get(name).and_then(Value::as_f64);
+        let known: Vec<(usize, f64)> =
+            (0..rows.len()).filter_map(|i| Some((i, value(i)?))).collect();
+        // A column that has few values is cut where it has them.
+        for stretch in 0..stretches {
+            let [first, end] = [stretch, stretch + 1].map(|k| k * known.len() / stretches);
+            let order = |a: &&(usize, f64), b: &&(usize, f64)| a.1.total_cmp(&b.1);
+            let part = &known[first..end];
+            kept.extend(
+                [part.iter().min_by(order), part.iter().max_by(order)]
+                    .iter()
+                    .flatten()
+                    .map(|(i, _)| *i),
+            );
+        }
     }
-    kept
+    kept.into_iter().map(|i| rows[i].clone()).collect()
 }
 
 #[cfg(test)]
@@ -341,10 +363,15 @@ mod tests {
             .collect();
         rows[617].1.insert("loss".into(), json!(9.0));
         rows[311].1.insert("loss".into(), json!(0.1));
-        let kept = thinned(&rows, Some(&"loss".to_owned()), 20);
+        // Another column has few values.
+        for (step, value) in [(250, 1), (500, 7), (750, 2)] {
+            rows[step].1.insert("exam".into(), json!(value));
+        }
+        let names = ["exam", "loss", "wall"].map(str::to_owned);
+        let kept = thinned(&rows, &names, 40);
         let steps: Vec<u64> = kept.iter().map(|(step, _)| *step).collect();
-        assert!(steps.len() <= 20 && steps.is_sorted(), "{steps:?}");
-        assert!(steps.contains(&617) && steps.contains(&311), "{steps:?}");
-        assert_eq!(thinned(&rows[..5], None, 20).len(), 5);
+        assert!(steps.len() <= 40 && steps.is_sorted(), "{steps:?}");
+        assert!([617, 311, 250, 500, 750].iter().all(|step| steps.contains(step)), "{steps:?}");
+        assert_eq!(thinned(&rows[..5], &names, 20).len(), 5);
     }
 }

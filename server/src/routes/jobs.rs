@@ -11,13 +11,16 @@ use crate::job::{
 use crate::store::{Created, Filter, News, Type};
 use crate::{AppState, Problem};
 use axum::Json;
+use axum::body::Body;
 use axum::extract::State;
-use axum::http::{HeaderMap, StatusCode, header};
+use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde::Deserialize;
 use serde_json::{Map, Value, json};
 use std::collections::BTreeMap;
 use std::time::Duration;
+use tower::ServiceExt;
+use tower_http::services::ServeFile;
 use utoipa::ToSchema;
 
 /// What is asked for.
@@ -138,6 +141,16 @@ pub(crate) async fn create(
     headers: HeaderMap,
     Whole(body): Whole,
 ) -> Result<Response, Problem> {
+    let key = headers.get("idempotency-key").map(|key| key.to_str().unwrap_or_default());
+    if key.is_some_and(|key| key.is_empty() || key.len() > 255) {
+        return Err(Problem::invalid("Idempotency-Key", "it has 1 to 255 visible characters"));
+    }
+    let hash = blake3::hash(&body).to_hex().to_string();
+    let key = key.map(|key| (key, hash.as_str()));
+    // Whatever has changed since: what was asked for was asked for.
+    if let Some(before) = engine.store.asked(key).await? {
+        return created(before);
+    }
     let request: Request = read_json(&body)?;
     checked_name(request.name.as_deref())?;
     checked_metadata(&request.metadata)?;
@@ -162,20 +175,18 @@ pub(crate) async fn create(
         return Err(Problem::queue_full(most));
     }
     state.limits.leave_space(engine.data())?;
-    let key = headers.get("idempotency-key").map(|key| key.to_str().unwrap_or_default());
-    if key.is_some_and(|key| key.is_empty() || key.len() > 255) {
-        return Err(Problem::invalid("Idempotency-Key", "it has 1 to 255 visible characters"));
-    }
-    let body = blake3::hash(&body).to_hex().to_string();
-    let key = key.map(|key| (key, body.as_str()));
-    match engine.store.create(&job, key).await? {
-        Created::New(job) => {
-            engine.wake();
-            let location = format!("/api/v1/jobs/{}", job.id);
-            let headers = [(header::LOCATION, location)];
+    let answer = created(engine.store.create(&job, key).await?);
+    engine.wake();
+    answer
+}
+
+/// What became of asking for a job.
+fn created(created: Created) -> Result<Response, Problem> {
+    match created {
+        Created::New(job) | Created::Before(job) => {
+            let headers = [(header::LOCATION, format!("/api/v1/jobs/{}", job.id))];
             Ok((StatusCode::CREATED, headers, Json(job.view())).into_response())
         }
-        Created::Before(job) => Ok((StatusCode::CREATED, Json(job.view())).into_response()),
         Created::Other => Err(Problem::key_reused()),
         Created::Gone => Err(Problem::key_of_deleted()),
     }
@@ -277,6 +288,7 @@ pub(crate) async fn get(
     Query(query): Query<BTreeMap<String, String>>,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
+    let mut news = engine.store.news();
     let mut job = find(&engine, &id).await?;
     let known = headers.get(header::IF_NONE_MATCH).and_then(|tag| tag.to_str().ok());
     if let Some(wait) = query.get("wait") {
@@ -286,7 +298,6 @@ pub(crate) async fn get(
         }
         // Whoever does not say what is known waits for the next change.
         let before = known.map_or_else(|| tag(&job), str::to_owned);
-        let mut news = engine.store.news();
         let changed = async {
             while tag(&job) == before && !job.status.is_terminal() {
                 if news.changed().await.is_err() {
@@ -299,6 +310,7 @@ pub(crate) async fn get(
         if let Ok(changed) = tokio::time::timeout(Duration::from_secs_f64(seconds), changed).await {
             changed?;
         }
+        job = find(&engine, &id).await?;
     }
     let tag = tag(&job);
     let headers = [(header::ETAG, tag.clone()), (header::CACHE_CONTROL, "no-store".into())];
@@ -393,16 +405,20 @@ pub(crate) async fn patch(
 
 /// Forgets a job that has ended.
 #[utoipa::path(
-    delete, path = "/jobs/{id}", tag = "jobs", params(("id" = String, Path, description = "Id of the job")),
+    delete, path = "/jobs/{id}", tag = "jobs", params(("id" = String, Path, description = "Id of the job"), ("artifacts" = Option<bool>, Query, description = "Its files, too, but for those of models")),
     responses((status = 204, description = "It is forgotten")),
 )]
 pub(crate) async fn delete(
     Jobs(engine): Jobs,
     Path(id): Path<String>,
+    Query(query): Query<BTreeMap<String, String>>,
 ) -> Result<StatusCode, Problem> {
     let job = find(&engine, &id).await?;
     if !job.status.is_terminal() {
         return Err(Problem::invalid_state(&job, "deleted"));
+    }
+    if query.get("artifacts").is_some_and(|value| value == "true") {
+        engine.store.forget_files(&id).await?;
     }
     engine.store.delete(&id).await?;
     tokio::fs::remove_dir_all(engine.folder(&id)).await.ok();
@@ -465,30 +481,58 @@ pub(crate) async fn artifacts(
 #[utoipa::path(
     get, path = "/jobs/{id}/logs", tag = "jobs",
     params(("id" = String, Path, description = "Id of the job"), ("tail" = Option<usize>, Query, description = "The last so many lines")),
-    responses((status = 200, description = "What its process printed", content_type = "text/plain", body = String)),
+    responses((status = 200, description = "What its process printed", content_type = "text/plain", body = String), (status = 206, description = "A part of it", content_type = "text/plain", body = String)),
 )]
 pub(crate) async fn logs(
     Jobs(engine): Jobs,
     Path(id): Path<String>,
     Query(query): Query<BTreeMap<String, String>>,
+    headers: HeaderMap,
 ) -> Result<Response, Problem> {
     find(&engine, &id).await?;
     let path = engine.folder(&id).join("log.txt");
-    let text = match tokio::fs::read(&path).await {
-        Ok(bytes) => String::from_utf8_lossy(&bytes).into_owned(),
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => String::new(),
-        Err(error) => return Err(Problem::unreadable(&error)),
-    };
-    let text = match query.get("tail") {
-        None => text,
+    let kind = HeaderValue::from_static("text/plain; charset=utf-8");
+    let mut answer = match query.get("tail") {
         Some(count) => {
             let invalid = |_| Problem::invalid("tail", "it is a number of lines");
-            let count: usize = count.parse().map_err(invalid)?;
-            let lines: Vec<&str> = text.lines().collect();
-            lines[lines.len().saturating_sub(count)..].join("\n") + "\n"
+            let text = tail(&path, count.parse().map_err(invalid)?).await;
+            text.map_err(|error| Problem::unreadable(&error))?.into_response()
+        }
+        None if !path.exists() => String::new().into_response(),
+        None => {
+            let mut request = axum::http::Request::new(Body::empty());
+            let range = headers.get(header::RANGE).map(|range| (header::RANGE, range.clone()));
+            request.headers_mut().extend(range);
+            match ServeFile::new(&path).oneshot(request).await {
+                Ok(answer) => answer.map(Body::new),
+                Err(never) => match never {},
+            }
         }
     };
-    let headers =
-        [(header::CONTENT_TYPE, "text/plain; charset=utf-8"), (header::CACHE_CONTROL, "no-store")];
-    Ok((headers, text).into_response())
+    if answer.status() == StatusCode::RANGE_NOT_SATISFIABLE {
+        return Err(Problem::out_of_range("the log"));
+    }
+    answer.headers_mut().insert(header::CONTENT_TYPE, kind);
+    answer.headers_mut().insert(header::CACHE_CONTROL, HeaderValue::from_static("no-store"));
+    Ok(answer)
+}
+
+/// Bytes at the end of a log in which its last lines are looked for.
+const TAIL_BYTES: u64 = 1 << 20;
+
+/// The last lines of a file; none if there is none.
+async fn tail(path: &std::path::Path, count: usize) -> std::io::Result<String> {
+    use tokio::io::{AsyncReadExt, AsyncSeekExt};
+    let mut file = match tokio::fs::File::open(path).await {
+        Ok(file) => file,
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(String::new()),
+        Err(error) => return Err(error),
+    };
+    let length = file.metadata().await?.len();
+    file.seek(std::io::SeekFrom::Start(length.saturating_sub(TAIL_BYTES))).await?;
+    let mut bytes = Vec::new();
+    file.take(TAIL_BYTES).read_to_end(&mut bytes).await?;
+    let text = String::from_utf8_lossy(&bytes);
+    let lines: Vec<&str> = text.lines().collect();
+    Ok(lines[lines.len().saturating_sub(count)..].iter().map(|line| format!("{line}\n")).collect())
 }

@@ -170,6 +170,7 @@ pub(crate) async fn delete(
         return Err(Problem::no_record("mesh", &id));
     }
     engine.store.forget(RecordKind::Mesh, &id).await?;
+    engine.store.forget_files(&id).await?;
     Ok(StatusCode::NO_CONTENT)
 }
 

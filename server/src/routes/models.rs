@@ -8,7 +8,7 @@ use crate::{AppState, Problem};
 use axum::Json;
 use axum::body::Body;
 use axum::extract::{Request, State};
-use axum::http::{HeaderMap, StatusCode, header};
+use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde_json::{Value, json};
 use tower::ServiceExt;
@@ -93,7 +93,18 @@ pub(crate) async fn file(
         let known = ModelFile::named(&name).and_then(|file| record["files"].get(file.file_name));
         let hash = known.and_then(|file| file["blake3"].as_str());
         let hash = hash.ok_or_else(|| no_file(id, &name))?;
-        return artifacts::serve(engine, hash, request.headers()).await;
+        let asked = request.uri().query().and_then(|query| query.strip_prefix("blake3="));
+        if asked.is_some_and(|asked| asked != hash) {
+            return Err(other_content(id, hash));
+        }
+        let is_fixed = asked.is_some();
+        let mut answer = artifacts::serve(engine, hash, request.headers()).await?;
+        if !is_fixed {
+            // `default` may be another one tomorrow.
+            let cache = HeaderValue::from_static("no-cache");
+            answer.headers_mut().insert(header::CACHE_CONTROL, cache);
+        }
+        return Ok(answer);
     }
     let model = Model::find(&state, id).await?;
     let file = ModelFile::named(&name).ok_or_else(|| no_file(&model.id, &name))?;
@@ -103,7 +114,7 @@ pub(crate) async fn file(
     let asked = request.uri().query().and_then(|query| query.strip_prefix("blake3="));
     let cache = match asked {
         Some(asked) if asked == hash.as_str() => "public, max-age=31536000, immutable",
-        Some(_) => return Err(other_content(&model, &hash)),
+        Some(_) => return Err(other_content(&model.id, &hash)),
         None => "no-cache",
     };
     let etag = format!("\"{hash}\"");
@@ -159,11 +170,11 @@ fn no_file(id: &str, name: &str) -> Problem {
     }
 }
 
-fn other_content(model: &Model, hash: &str) -> Problem {
+fn other_content(id: &str, hash: &str) -> Problem {
     Problem {
         status: StatusCode::NOT_FOUND,
         code: "model_changed",
-        detail: format!("model \"{}\" no longer has the content that was asked for", model.id),
+        detail: format!("model \"{id}\" no longer has the content that was asked for"),
         hint: format!("its file now has the hash {hash}; read the card again"),
         param: None,
     }

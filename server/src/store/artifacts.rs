@@ -61,8 +61,15 @@ impl Store {
         .map_err(std::io::Error::other)?;
         let bytes = contents.len() as u64;
         let only_new = PutOptions { mode: PutMode::Create, ..PutOptions::default() };
-        match self.artifacts.put_opts(&key(&hash), contents.into(), only_new).await {
-            Ok(_) | Err(object_store::Error::AlreadyExists { .. }) => {}
+        let payload = object_store::PutPayload::from(contents);
+        match self.artifacts.put_opts(&key(&hash), payload.clone(), only_new).await {
+            Ok(_) => {}
+            Err(object_store::Error::AlreadyExists { .. }) => {
+                // Left by a machine that lost its power in the middle.
+                if self.artifacts.head(&key(&hash)).await?.size != bytes {
+                    self.artifacts.put(&key(&hash), payload).await?;
+                }
+            }
             Err(error) => return Err(error.into()),
         }
         let content_type = content_type(name);
@@ -82,6 +89,42 @@ impl Store {
             .await?;
         change.commit().await?;
         Ok(Artifact { name: name.into(), hash, bytes, content_type: content_type.into() })
+    }
+
+    /// Forgets the files of a job, or of whatever else has an id, and removes those that nothing else names.
+    pub(crate) async fn forget_files(&self, owner: &str) -> Result<(), StoreError> {
+        let mut change = self.begin().await?;
+        let hashes: Vec<String> =
+            sqlx::query_scalar("SELECT hash FROM job_artifacts WHERE job = ?")
+                .bind(owner)
+                .fetch_all(&mut *change)
+                .await?;
+        sqlx::query("DELETE FROM job_artifacts WHERE job = ?")
+            .bind(owner)
+            .execute(&mut *change)
+            .await?;
+        let mut orphans = Vec::new();
+        for hash in hashes {
+            let gone = sqlx::query(
+                "DELETE FROM artifacts WHERE hash = ?
+                 AND NOT EXISTS (SELECT 1 FROM job_artifacts WHERE hash = artifacts.hash)
+                 AND NOT EXISTS (SELECT 1 FROM records WHERE instr(record, artifacts.hash))",
+            )
+            .bind(&hash)
+            .execute(&mut *change)
+            .await?;
+            if gone.rows_affected() == 1 {
+                orphans.push(hash);
+            }
+        }
+        change.commit().await?;
+        for hash in orphans {
+            match self.artifacts.delete(&key(&hash)).await {
+                Ok(()) | Err(object_store::Error::NotFound { .. }) => {}
+                Err(error) => return Err(error.into()),
+            }
+        }
+        Ok(())
     }
 
     /// Files of a job, by name.

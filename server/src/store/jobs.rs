@@ -71,7 +71,35 @@ async fn read(
     Ok(record.map(|record| serde_json::from_str(&record)).transpose()?)
 }
 
+/// What became of a key before.
+async fn asked(
+    change: &mut Transaction<'static, Sqlite>,
+    key: &str,
+    body: &str,
+) -> Result<Option<Created>, StoreError> {
+    let before = sqlx::query("SELECT body, job FROM answers WHERE key = ? AND created_at >= ?")
+        .bind(key)
+        .bind(now() - REMEMBERED)
+        .fetch_optional(&mut **change)
+        .await?;
+    let Some(before) = before else { return Ok(None) };
+    if before.try_get::<String, _>("body")? != body {
+        return Ok(Some(Created::Other));
+    }
+    let id: String = before.try_get("job")?;
+    Ok(Some(read(change, &id).await?.map_or(Created::Gone, Created::Before)))
+}
+
 impl Store {
+    /// What became of a key, with the hash of what was asked under it, if it was used before.
+    pub(crate) async fn asked(
+        &self,
+        key: Option<(&str, &str)>,
+    ) -> Result<Option<Created>, StoreError> {
+        let Some((key, body)) = key else { return Ok(None) };
+        asked(&mut self.begin().await?, key, body).await
+    }
+
     /// Adds a job, once for each key.
     pub(crate) async fn create(
         &self,
@@ -84,16 +112,8 @@ impl Store {
                 .bind(now() - REMEMBERED)
                 .execute(&mut *change)
                 .await?;
-            let before = sqlx::query("SELECT body, job FROM answers WHERE key = ?")
-                .bind(key)
-                .fetch_optional(&mut *change)
-                .await?;
-            if let Some(before) = before {
-                if before.try_get::<String, _>("body")? != body {
-                    return Ok(Created::Other);
-                }
-                let id: String = before.try_get("job")?;
-                return Ok(read(&mut change, &id).await?.map_or(Created::Gone, Created::Before));
+            if let Some(before) = asked(&mut change, key, body).await? {
+                return Ok(before);
             }
             sqlx::query("INSERT INTO answers (key, body, job, created_at) VALUES (?, ?, ?, ?)")
                 .bind(key)
@@ -183,7 +203,11 @@ impl Store {
         }
         let last = events::append(&mut transaction, id, &news).await?;
         transaction.commit().await?;
-        self.tell(last);
+        match last {
+            Some(_) => self.tell(last),
+            // No event, and yet somebody may wait for it.
+            None => self.last.send_modify(|_| {}),
+        }
         Ok(Some(Ok((job, told))))
     }
 

@@ -5,6 +5,7 @@ use axum::Router;
 use axum::http::StatusCode;
 use axum::response::Response;
 use serde_json::{Value, json};
+use server::engine::{Engine, EngineConfig};
 use server::{AppState, app};
 
 /// Asks for a small dataset.
@@ -283,4 +284,32 @@ async fn changes_need_the_token_and_no_foreign_page() {
         assert_problem(answer, 403, "foreign_origin").await;
     }
     assert_eq!(send(&app, "GET", "/jobs", "").await.status(), StatusCode::OK);
+}
+
+#[tokio::test]
+async fn a_program_that_always_crashes_is_given_up() {
+    let folder = tempfile::tempdir().unwrap();
+    let config = EngineConfig {
+        data: folder.path().join("data"),
+        models: folder.path().join("models"),
+        // Ends at once, and says nothing.
+        program: "false".into(),
+        places: 1,
+    };
+    let engine = Engine::open(config).await.unwrap();
+    let state = AppState::new(folder.path(), folder.path());
+    let app = app(state.with_engine(engine.clone(), tokio::sync::watch::channel(false).1));
+    let working = tokio::spawn(engine.work("http://127.0.0.1:9"));
+    let id = ask(&app, "x").await;
+    let mut job = Value::Null;
+    for _ in 0..200 {
+        job = json_of(send(&app, "GET", &format!("/jobs/{id}?wait=1s"), "").await).await;
+        if job["status"] == "failed" {
+            break;
+        }
+    }
+    working.abort();
+    assert_eq!(job["error"]["code"], "worker_lost", "{job}");
+    assert_eq!(job["attempt"], 6);
+    assert_eq!(job["resumable"], true);
 }

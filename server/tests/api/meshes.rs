@@ -66,6 +66,8 @@ async fn a_mesh_that_is_gone_is_no_input() {
     assert_eq!(problem["errors"][0]["param"], "params.mesh_id");
     let again = send(&app, "DELETE", &format!("/meshes/{id}"), "").await;
     assert_problem(again, 404, "record_not_found").await;
+    let file = format!("/artifacts/{}", mesh["hash"].as_str().unwrap());
+    assert_problem(send(&app, "GET", &file, "").await, 404, "record_not_found").await;
 }
 
 #[tokio::test]

@@ -77,7 +77,7 @@ async fn pages_of_allowed_origins_may_ask() {
     let folder = tempfile::tempdir().unwrap();
     let state = idle_in(folder.path()).await;
     let app = app(state.with_origins([HeaderValue::from_static("https://lab.example")]));
-    let own = [("origin", "https://lab.example"), ("host", "here")];
+    let own = [("origin", "https://lab.example"), ("host", "localhost:8787")];
     let answer = send_with(&app, "POST", "/jobs", DATASET, &own).await;
     assert_eq!(answer.status(), StatusCode::CREATED);
     assert_eq!(answer.headers()["access-control-allow-origin"], "https://lab.example");
@@ -86,7 +86,11 @@ async fn pages_of_allowed_origins_may_ask() {
     assert!(answer.status().is_success(), "{}", answer.status());
     let allowed = answer.headers()["access-control-allow-methods"].to_str().unwrap();
     assert!(allowed.contains("POST"), "{allowed}");
-    let foreign = [("origin", "https://evil.example"), ("host", "here")];
+    // Its own name for our address.
+    let rebound = [("origin", "http://evil.example:80"), ("host", "evil.example:80")];
+    let answer = send_with(&app, "POST", "/jobs", DATASET, &rebound).await;
+    assert_problem(answer, 403, "foreign_origin").await;
+    let foreign = [("origin", "https://evil.example"), ("host", "localhost:8787")];
     let answer = send_with(&app, "POST", "/jobs", DATASET, &foreign).await;
     assert!(answer.headers().get("access-control-allow-origin").is_none());
     assert_problem(answer, 403, "foreign_origin").await;
@@ -100,10 +104,14 @@ async fn limited(limits: Limits) -> (Router, TempDir) {
 #[tokio::test]
 async fn a_full_house_takes_no_more() {
     let (app, _folder) = limited(Limits { queued: 1, ..Limits::default() }).await;
-    assert_eq!(send(&app, "POST", "/jobs", DATASET).await.status(), StatusCode::CREATED);
+    let key = [("idempotency-key", "k")];
+    let first = json_of(send_with(&app, "POST", "/jobs", DATASET, &key).await).await;
     let answer = send(&app, "POST", "/jobs", DATASET).await;
     assert_eq!(answer.headers()["retry-after"], "10");
     assert_problem(answer, 503, "queue_full").await;
+    // Whoever did not hear the answer asks for the same.
+    let again = json_of(send_with(&app, "POST", "/jobs", DATASET, &key).await).await;
+    assert_eq!(first["id"], again["id"]);
 
     let (app, _folder) = limited(Limits { free_bytes: u64::MAX, ..Limits::default() }).await;
     assert_problem(send(&app, "POST", "/jobs", DATASET).await, 507, "disk_full").await;
