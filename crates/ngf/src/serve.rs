@@ -44,7 +44,7 @@ pub(crate) struct Options {
     /// Folder of jobs and what comes of them; without it, the server does none.
     #[arg(long, value_name = "DIR")]
     data: Option<PathBuf>,
-    /// Origin of a page that may use the API, too, as https://example.org; again for more.
+    /// Origin of a page that may use the API, too, as `https://example.org`; again for more.
     #[arg(long, value_name = "ORIGIN")]
     allow_origin: Vec<HeaderValue>,
     /// Changes that one address may ask for in a second.
