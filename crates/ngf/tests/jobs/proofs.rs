@@ -221,7 +221,7 @@ fn a_body_that_never_ends_is_given_up() {
         .map(|_| {
             let mut stream = TcpStream::connect(address).unwrap();
             let head =
-                "POST /api/v1/meshes HTTP/1.1\r\nHost: here\r\nContent-Length: 1000\r\n\r\nv 0";
+                "POST /api/v1/meshes HTTP/1.1\r\nHost: localhost\r\nContent-Length: 1000\r\n\r\nv 0";
             stream.write_all(head.as_bytes()).unwrap();
             stream
         })
