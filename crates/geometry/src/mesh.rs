@@ -15,6 +15,7 @@ mod ply;
 mod ply_header;
 mod read;
 mod report;
+mod rest;
 #[cfg(test)]
 mod samples;
 mod split;
@@ -29,6 +30,7 @@ pub use mass::{Solid, solid};
 pub use parts::{Method, Parts, convex_parts, convex_parts_or_hull};
 pub use read::{MAX_BYTES, MAX_TRIANGLES, read};
 pub use report::Report;
+pub use rest::{Rest, rests};
 pub use unit::{Unit, UnitGuess, guess};
 
 use crate::Vec3;
