@@ -48,7 +48,7 @@ pub fn app(state: AppState) -> axum::Router {
     let in_time = ServiceBuilder::new()
         .layer(RequestBodyTimeoutLayer::new(SILENCE))
         .layer(MapRequestBodyLayer::new(Body::new));
-    let router = router.layer(caught).layer(in_time).layer(guard);
+    let router = router.layer(headers::compressed()).layer(caught).layer(in_time).layer(guard);
     let router = match headers::shared(&state.origins) {
         Some(shared) => router.layer(shared),
         None => router,

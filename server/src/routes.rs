@@ -42,6 +42,7 @@ pub(crate) fn router() -> (Router<AppState>, OpenApi) {
         .routes(routes!(artifacts::get))
         .routes(routes!(datasets::list))
         .routes(routes!(datasets::get))
+        .routes(routes!(datasets::episodes))
         .routes(routes!(datasets::episode))
         .layer(DefaultBodyLimit::max(MOST_BODY));
     let v1 = OpenApiRouter::new()

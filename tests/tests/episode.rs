@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "a helper of a test fails by panicking too")]
 
 use geometry::object::Object;
-use rollout::{Attempt, Controller, Episode, Failure, Verdict, Workcell};
+use rollout::{Attempt, Controller, Demonstration, Episode, Failure, Verdict, Workcell};
 use scene::Simulation;
 
 /// An attempt of the planner.
@@ -79,4 +79,15 @@ fn a_changed_target_changes_the_end() {
     episode.targets[10][0] += 1e-6;
     let (_, changed) = episode.replay(&workcell, &object).unwrap();
     assert_ne!(changed, hash);
+}
+
+#[test]
+fn the_recording_that_the_page_begins_with_still_lifts() {
+    let recording = include_str!("../../web/src/demo/recording.json");
+    let recording: Demonstration = serde_json::from_str(recording).unwrap();
+    let workcell = Workcell::new().unwrap();
+    let object = Object::built_in(&recording.name).unwrap();
+    let cure = "write it again: `ngf dataset episode DIR N --out web/src/demo/recording.json`";
+    let mut attempt = recording.begin(&workcell, &object).expect(cure);
+    assert!(attempt.run(&workcell).is_lifted());
 }

@@ -70,19 +70,6 @@ impl Inputs {
     }
 }
 
-/// One kept demonstration.
-#[derive(Clone, Debug)]
-pub struct Kept {
-    /// Name of the object.
-    pub object: String,
-    /// Index of its pose.
-    pub pose_index: usize,
-    /// x, y (m), yaw (rad).
-    pub pose: [f32; 3],
-    /// Joint positions and velocities, rows of [`STATE`].
-    pub states: Vec<f32>,
-}
-
 /// Object poses whose clouds stand in one file.
 pub(crate) const CLOUD_BLOCK: usize = 16;
 
@@ -188,31 +175,8 @@ impl Dataset {
         Ok(())
     }
 
-    /// Reads one episode.
-    pub fn episode(&self, index: usize) -> Result<Kept> {
-        let mut before = 0;
-        for object in 0..self.config.objects.len() {
-            for (pose_index, kept) in self.kept(object)?.into_iter().enumerate() {
-                let kept = kept as usize;
-                if index < before + kept {
-                    let record = self.pose(object, pose_index)?;
-                    let k = index - before;
-                    let span = STATE * record.offsets[k]..STATE * record.offsets[k + 1];
-                    return Ok(Kept {
-                        object: self.config.objects[object].clone(),
-                        pose_index,
-                        pose: record.pose,
-                        states: record.states[span].to_vec(),
-                    });
-                }
-                before += kept;
-            }
-        }
-        bail!("{} has {before} episodes, counted from 0", self.dir.display())
-    }
-
     /// Demonstrations of each pose of an object.
-    fn kept(&self, object: usize) -> Result<Vec<i64>> {
+    pub(crate) fn kept(&self, object: usize) -> Result<Vec<i64>> {
         let path = self.dir.join("poses.parquet");
         let kept = table::integers(&table::read_group(&path, object)?, "kept")?.to_vec();
         ensure!(kept.len() == self.config.poses, "{} is damaged", path.display());

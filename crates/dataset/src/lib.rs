@@ -6,6 +6,7 @@ mod assemble;
 mod clouds;
 pub mod config;
 mod demonstrations;
+pub mod episodes;
 pub mod folder;
 pub mod generate;
 mod lerobot;

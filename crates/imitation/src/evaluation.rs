@@ -93,12 +93,3 @@ pub fn evaluate(
         rows,
     })
 }
-
-/// BLAKE3 over the files of a model, hex.
-pub fn model_hash(files: &[&[u8]]) -> String {
-    let mut hasher = blake3::Hasher::new();
-    files.iter().for_each(|file| {
-        hasher.update(file);
-    });
-    hasher.finalize().to_hex().to_string()
-}

@@ -5,11 +5,9 @@ use crate::objects::ObjectOptions;
 use anyhow::{Context, Result, bail};
 use dataset::config::{DatasetConfig, PRESETS};
 use dataset::generate::built_in_objects;
-use dataset::part::STATE;
 use dataset::summary::Summary;
 use dataset::{Dataset, Manifest, Objects, Observer};
 use grasps::Robot;
-use rollout::Demonstration;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
@@ -295,24 +293,7 @@ fn show(dir: &Path, out: Option<&Path>) -> Result<()> {
 }
 
 fn episode(dir: &Path, index: usize, out: &Path) -> Result<()> {
-    let (dataset, manifest) = (Dataset::open(dir)?, Manifest::read(dir)?);
-    let kept = dataset.episode(index)?;
-    let hash =
-        manifest.inputs.objects.get(&kept.object).context("the manifest lacks its object")?;
-    let row = |row: &[f32]| row.iter().map(|x| f64::from(*x)).collect();
-    let file = Demonstration {
-        demonstration: format!(
-            "episode {index}, {} at pose {}, of dataset {}",
-            kept.object.replace('_', " "),
-            kept.pose_index,
-            &manifest.hash[..8]
-        ),
-        scene: manifest.inputs.scene,
-        object: hash.clone(),
-        name: kept.object,
-        pose: kept.pose,
-        states: kept.states.chunks_exact(STATE).map(row).collect(),
-    };
+    let file = Dataset::open(dir)?.demonstration(index)?;
     dataset::store::write(out, &serde_json::to_vec(&file)?)
 }
 

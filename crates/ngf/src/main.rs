@@ -8,6 +8,7 @@ mod engine;
 mod environment;
 mod evaluate;
 mod grasps;
+mod link;
 mod mesh;
 mod objects;
 mod replay;

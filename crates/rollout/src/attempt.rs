@@ -380,6 +380,12 @@ impl Attempt {
         Motion::of(&self.acted())
     }
 
+    /// The present moment.
+    pub fn moment(&self, workcell: &Workcell) -> Moment {
+        let acts = workcell.model.as_ref().zip(self.encoding.as_ref());
+        Moment::of(&self.state, &workcell.robot.tree.limits, acts)
+    }
+
     /// The moments between start and lift, a control period apart; none if the controller did not come to act.
     pub fn course(&self, workcell: &Workcell) -> Vec<Moment> {
         let limits = &workcell.robot.tree.limits;

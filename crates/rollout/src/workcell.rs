@@ -72,14 +72,16 @@ impl Workcell {
         Ok(Self { robot, eye, model: None })
     }
 
-    /// Loads a model from the bytes of its three files.
+    /// Loads a model from the bytes of its three files; gives their BLAKE3, hex.
     pub fn load_model(
         &mut self,
         weights: &[u8],
         starts: &[u8],
         config: &[u8],
-    ) -> Result<(), RolloutError> {
+    ) -> Result<String, RolloutError> {
         self.model = Some(Model::load(weights, starts, config, &self.robot.tree)?);
-        Ok(())
+        let mut hasher = blake3::Hasher::new();
+        hasher.update(weights).update(starts).update(config);
+        Ok(hasher.finalize().to_hex().to_string())
     }
 }

@@ -43,7 +43,11 @@ impl Engine {
                 let id = self.add_model(job, kind, &files, None).await?;
                 found.outputs.model_id = Some(id);
             }
-            Kind::PolicyEvaluate | Kind::MeshPrepare => {
+            Kind::PolicyEvaluate => {
+                self.keep_all(job, &out, &mut found).await?;
+                self.add_evaluation(job, &out).await?;
+            }
+            Kind::MeshPrepare => {
                 self.keep_all(job, &out, &mut found).await?;
             }
         }
@@ -153,6 +157,23 @@ impl Engine {
         });
         self.store.add_record(RecordKind::Model, &id, &record).await?;
         Ok(id)
+    }
+
+    /// Adds what an evaluation counted to what is known of its model.
+    async fn add_evaluation(&self, job: &Job, out: &Path) -> Result<(), StoreError> {
+        let Some(model) = &job.inputs.model_id else { return Ok(()) };
+        let mut reports: Value =
+            serde_json::from_slice(&tokio::fs::read(out.join(command::REPORT)).await?)?;
+        for report in reports.as_array_mut().into_iter().flatten() {
+            // The attempts are in the artifact.
+            report.as_object_mut().map(|report| report.remove("rows"));
+        }
+        let id = format!("evl_{}", job.id.trim_start_matches("job_"));
+        let record = json!({
+            "id": id, "object": "evaluation", "model_id": model, "job": job.id,
+            "created_at": Utc::now(), "reports": reports,
+        });
+        self.store.add_record(RecordKind::Evaluation, &id, &record).await
     }
 
     /// Whether there is a model of this id, of a job or from before.

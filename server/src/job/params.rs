@@ -9,6 +9,7 @@ use policy::network::POLICIES;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 use utoipa::ToSchema;
+use utoipa::openapi::schema::{ObjectBuilder, Schema, SchemaType, Type};
 
 /// The parameters of a job; once resolved, nothing is left open.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
@@ -32,6 +33,7 @@ pub(crate) enum Params {
 pub(crate) struct DatasetParams {
     /// Name of its sizes.
     #[serde(default = "small")]
+    #[schema(schema_with = presets)]
     pub(crate) preset: String,
     /// One object instead of the preset's.
     #[serde(flatten)]
@@ -65,6 +67,7 @@ pub(crate) struct PolicyParams {
     pub(crate) encoder_id: String,
     /// Which of the policies that are compared.
     #[serde(default = "first_policy")]
+    #[schema(schema_with = policies)]
     pub(crate) policy: String,
     /// Steps of a roll-out; 1 is behaviour cloning.
     #[serde(default)]
@@ -130,6 +133,7 @@ pub(crate) struct MeshParams {
 pub(crate) struct Subject {
     /// Name of a built-in object.
     #[serde(default)]
+    #[schema(schema_with = objects)]
     pub(crate) object: Option<String>,
     /// A mesh that was uploaded.
     #[serde(default)]
@@ -152,6 +156,34 @@ fn first_policy() -> String {
 
 fn hundred() -> u64 {
     100
+}
+
+/// Presets with their sizes in words.
+fn presets() -> Schema {
+    let words = PRESETS.map(|(name, size)| format!("`{name}`: {size}"));
+    let text = format!("Name of its sizes. {}.", words.join("; "));
+    one_of(PRESETS.map(|(name, _)| name))
+        .default(Some(small().into()))
+        .description(Some(text))
+        .into()
+}
+
+fn policies() -> Schema {
+    let text = "Which of the policies that are compared.";
+    one_of(POLICIES).default(Some(first_policy().into())).description(Some(text)).into()
+}
+
+/// An object has other proportions as `bleach.3`, so that these are not all.
+fn objects() -> Schema {
+    let names = geometry::catalog::CATALOG.iter().map(|entry| entry.name);
+    let kind = SchemaType::from_iter([Type::String, Type::Null]);
+    let described = ObjectBuilder::new().schema_type(kind).examples(names);
+    described.description(Some("Name of a built-in object.")).into()
+}
+
+/// A text of which only these are meant.
+fn one_of(names: impl IntoIterator<Item = &'static str>) -> ObjectBuilder {
+    ObjectBuilder::new().schema_type(Type::String).enum_values(Some(names))
 }
 
 /// Why parameters are refused.

@@ -139,7 +139,7 @@ impl Job {
                 resume: url("/resume"),
                 retry: url("/retry"),
                 clone: url("/clone"),
-                ui: format!("/jobs#{}", self.id),
+                ui: format!("/jobs/#jobs/{}", self.id),
             }),
         }
     }

@@ -42,7 +42,7 @@ pub(crate) async fn serve(
         return Ok((StatusCode::NOT_MODIFIED, common).into_response());
     }
     let is_same = text(header::IF_RANGE).is_none_or(|known| known == tag);
-    let range = text(header::RANGE).filter(|_| is_same);
+    let range = text(header::RANGE).filter(|range| is_same && !is_whole(range, bytes));
     let Some(range) = range.and_then(|range| parse_range_header(range).ok()) else {
         let body = Body::from(engine.store.contents(hash, 0..bytes).await?);
         return Ok((common, body).into_response());
@@ -62,6 +62,25 @@ pub(crate) async fn serve(
         Err(_) => {
             let place = [(header::CONTENT_RANGE, format!("bytes */{bytes}"))];
             Ok((place, Problem::out_of_range(hash)).into_response())
+        }
+    }
+}
+
+/// Whether a range asks for the end of something that is no longer than that end: then it is all of it.
+pub(super) fn is_whole(range: &str, bytes: u64) -> bool {
+    let end = range.strip_prefix("bytes=-").and_then(|end| end.parse::<u64>().ok());
+    end.is_some_and(|end| end > 0 && end >= bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_end_of_what_is_short_is_all_of_it() {
+        assert!(is_whole("bytes=-10", 10) && is_whole("bytes=-11", 10) && is_whole("bytes=-1", 0));
+        for range in ["bytes=-9", "bytes=-0", "bytes=0-", "bytes=-x", "bytes=-5,-5"] {
+            assert!(!is_whole(range, 10), "{range}");
         }
     }
 }

@@ -7,7 +7,6 @@ use crate::engine::Engine;
 use crate::extract::{Path, Query};
 use crate::store::RecordKind;
 use axum::Json;
-use axum::response::{IntoResponse, Response};
 use dataset::Dataset;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -47,7 +46,36 @@ async fn find(engine: &Engine, id: &str) -> Result<Value, Problem> {
     record.ok_or_else(|| Problem::no_record("dataset", id))
 }
 
-/// One demonstration: name and pose of its object, joint positions and velocities row by row, 30 a second.
+/// The demonstrations that were kept, in their order.
+#[utoipa::path(
+    get, path = "/datasets/{id}/episodes", tag = "datasets",
+    params(
+        ("id" = String, Path),
+        ("object" = Option<String>, Query, description = "Only of this object"),
+        ("after" = Option<usize>, Query, description = "Only those behind this number"),
+        ("limit" = Option<i64>, Query, minimum = 1, maximum = 100),
+    ),
+    responses((status = 200, description = "Number, object and pose of each", body = Page<Object>)),
+)]
+pub(crate) async fn episodes(
+    Jobs(engine): Jobs,
+    Path(id): Path<String>,
+    Query(query): Query<BTreeMap<String, String>>,
+) -> Result<Json<Value>, Problem> {
+    let asked = query.get("limit").map_or(Ok(20), |text| limit(text))? as usize;
+    let not_a_number = |_| Problem::invalid("after", "it is the number of an episode");
+    let after = query.get("after").map(|text| text.parse::<u32>().map_err(not_a_number));
+    let first = after.transpose()?.map_or(0, |last| last as usize + 1);
+    let object = query.get("object").cloned();
+    let read = move |dataset: Dataset| dataset.listed(first, asked + 1, object.as_deref());
+    let damaged = |why: String| Problem::unreadable(&std::io::Error::other(why));
+    let mut entries = of_dataset(&engine, &id, read).await?.map_err(damaged)?;
+    let has_more = entries.len() > asked;
+    entries.truncate(asked);
+    Ok(Json(json!({ "object": "list", "data": entries, "has_more": has_more })))
+}
+
+/// One demonstration as the page plays it: object and its pose, joint positions and velocities row by row, 30 a second.
 #[utoipa::path(
     get, path = "/datasets/{id}/episodes/{index}", tag = "datasets", params(("id" = String, Path), ("index" = usize, Path)),
     responses((status = 200, description = "One demonstration, row by row", body = Object)),
@@ -55,17 +83,23 @@ async fn find(engine: &Engine, id: &str) -> Result<Value, Problem> {
 pub(crate) async fn episode(
     Jobs(engine): Jobs,
     Path((id, index)): Path<(String, usize)>,
-) -> Result<Response, Problem> {
-    let record = find(&engine, &id).await?;
+) -> Result<Json<Value>, Problem> {
+    let read = of_dataset(&engine, &id, move |dataset| dataset.demonstration(index)).await?;
+    Ok(Json(read.map_err(|why| Problem::no_episode(&why))?))
+}
+
+/// Reads something of a dataset, or says why that cannot be.
+async fn of_dataset<T: Send + 'static, E: std::fmt::Display>(
+    engine: &Engine,
+    id: &str,
+    read: impl FnOnce(Dataset) -> Result<T, E> + Send + 'static,
+) -> Result<Result<T, String>, Problem> {
+    let record = find(engine, id).await?;
     let folder = engine.dataset_folder(record["hash"].as_str().unwrap_or_default());
-    let read = move || Dataset::open(&folder)?.episode(index);
-    let read = tokio::task::spawn_blocking(read).await.map_err(std::io::Error::other);
-    let kept = read.map_err(|error| Problem::unreadable(&error))?;
-    let kept = kept.map_err(|error| Problem::no_episode(&error.to_string()))?;
-    let rows: Vec<&[f32]> = kept.states.chunks_exact(dataset::part::STATE).collect();
-    Ok(Json(json!({
-        "object": "episode", "dataset_id": id, "index": index, "of": kept.object,
-        "pose": kept.pose, "pose_index": kept.pose_index, "rows": rows,
-    }))
-    .into_response())
+    let read = move || match Dataset::open(&folder) {
+        Ok(dataset) => read(dataset).map_err(|error| error.to_string()),
+        Err(error) => Err(error.to_string()),
+    };
+    let read = tokio::task::spawn_blocking(read).await;
+    read.map_err(|error| Problem::unreadable(&std::io::Error::other(error)))
 }

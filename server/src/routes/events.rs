@@ -71,10 +71,10 @@ pub(crate) async fn stream_of(
 /// Jobs in one stream.
 const MOST_JOBS: usize = 100;
 
-/// The stream of several jobs.
+/// The stream of several jobs, or of all; the latter never ends, and begins with what happens from now on.
 #[utoipa::path(
     get, path = "/stream", tag = "events",
-    params(("jobs" = String, Query, description = "Ids with commas"), ("after" = Option<String>, Query), ("Last-Event-ID" = Option<String>, Header)),
+    params(("jobs" = Option<String>, Query, description = "Ids with commas; all if it is left out"), ("after" = Option<String>, Query), ("Last-Event-ID" = Option<String>, Header)),
     responses((status = 200, description = "Events of several jobs as they come", content_type = "text/event-stream", body = StreamedEvent), (status = 204, description = "All have ended, and all is read")),
 )]
 pub(crate) async fn stream_all(
@@ -83,7 +83,9 @@ pub(crate) async fn stream_all(
     Query(query): Query<BTreeMap<String, String>>,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    let named = query.get("jobs").map(String::as_str).unwrap_or_default();
+    let Some(named) = query.get("jobs") else {
+        return open(&state, engine, Vec::new(), &query, &headers).await;
+    };
     let jobs: Vec<String> =
         named.split(',').filter(|id| !id.is_empty()).map(str::to_owned).collect();
     if !(1..=MOST_JOBS).contains(&jobs.len()) {
@@ -110,6 +112,7 @@ const PAGE: i64 = 256;
 /// A stream under way.
 struct Reader {
     engine: Arc<Engine>,
+    /// All if none is named.
     jobs: Vec<String>,
     after: i64,
     ready: std::vec::IntoIter<Event>,
@@ -136,6 +139,7 @@ async fn open(
     let after = match (resumed, query.get("after")) {
         (Some(text), _) => number("Last-Event-ID", text)?,
         (None, Some(text)) => number("after", text)?,
+        (None, None) if jobs.is_empty() => *engine.store.news().borrow(),
         (None, None) => 0,
     };
     for id in &jobs {
@@ -171,6 +175,9 @@ async fn open(
 
 impl Reader {
     async fn all_ended(&self) -> Result<bool, Problem> {
+        if self.jobs.is_empty() {
+            return Ok(false);
+        }
         for id in &self.jobs {
             let job = self.engine.store.job(id).await?;
             if job.is_some_and(|job| !job.status.is_terminal()) {

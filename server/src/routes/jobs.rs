@@ -1,6 +1,7 @@
 //! Jobs over HTTP.
 
 use super::Jobs;
+use super::artifacts::is_whole;
 use crate::engine::{Engine, Report};
 use crate::extract::{Path, Query, Whole};
 use crate::guard::bearer;
@@ -501,8 +502,11 @@ pub(crate) async fn logs(
         None if !path.exists() => String::new().into_response(),
         None => {
             let mut request = axum::http::Request::new(Body::empty());
-            let range = headers.get(header::RANGE).map(|range| (header::RANGE, range.clone()));
-            request.headers_mut().extend(range);
+            let bytes = tokio::fs::metadata(&path).await.map_or(0, |file| file.len());
+            let is_part =
+                |range: &&HeaderValue| range.to_str().is_ok_and(|text| !is_whole(text, bytes));
+            let range = headers.get(header::RANGE).filter(is_part).cloned();
+            request.headers_mut().extend(range.map(|range| (header::RANGE, range)));
             match ServeFile::new(&path).oneshot(request).await {
                 Ok(answer) => answer.map(Body::new),
                 Err(never) => match never {},

@@ -60,7 +60,7 @@ fn described(mut record: Value) -> Value {
     record
 }
 
-/// One model.
+/// One model, with what evaluations counted of it.
 #[utoipa::path(
     get, path = "/models/{id}", tag = "models", params(("id" = String, Path)),
     responses((status = 200, description = "Its files and card", body = Object)),
@@ -70,10 +70,14 @@ pub(crate) async fn card(
     Path(id): Path<String>,
 ) -> Result<Json<Value>, Problem> {
     let id = state.model_of(&id);
-    match of_job(&state, id).await? {
-        Some(record) => Ok(Json(described(record))),
-        None => Ok(Json(Model::find(&state, id).await?.describe(&state).await?)),
+    let mut told = match of_job(&state, id).await? {
+        Some(record) => described(record),
+        None => Model::find(&state, id).await?.describe(&state).await?,
+    };
+    if let Some(engine) = &state.engine {
+        told["evaluations"] = engine.store.evaluations_of(id).await?.into();
     }
+    Ok(Json(told))
 }
 
 /// One file of a model. Its ETag is its BLAKE3; an address that names the hash never changes its

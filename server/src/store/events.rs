@@ -135,7 +135,7 @@ pub(super) async fn append(
 }
 
 impl Store {
-    /// Events of these jobs after a number, oldest first.
+    /// Events of these jobs, or of all if none is named, after a number, oldest first.
     pub(crate) async fn events(
         &self,
         jobs: &[String],
@@ -144,19 +144,21 @@ impl Store {
         limit: i64,
     ) -> Result<Vec<Event>, StoreError> {
         let marks = vec!["?"; jobs.len()].join(", ");
+        let of_jobs = if jobs.is_empty() { String::new() } else { format!("job IN ({marks}) AND") };
         let of_kind = if kind.is_some() { "AND type = ?" } else { "" };
         // Nothing of the caller's is in the text.
         let text = AssertSqlSafe(format!(
-            "SELECT * FROM events WHERE job IN ({marks}) {of_kind} AND seq > ? ORDER BY seq LIMIT ?"
+            "SELECT * FROM events WHERE {of_jobs} seq > ? {of_kind} ORDER BY seq LIMIT ?"
         ));
         let mut query = sqlx::query(text);
         for job in jobs {
             query = query.bind(job);
         }
+        query = query.bind(after);
         if let Some(kind) = kind {
             query = query.bind(kind.name());
         }
-        let rows = query.bind(after).bind(limit).fetch_all(&self.readers).await?;
+        let rows = query.bind(limit).fetch_all(&self.readers).await?;
         rows.iter().map(Event::of).collect()
     }
 

@@ -1,4 +1,4 @@
-//! Datasets and models that jobs made, and meshes that were uploaded.
+//! Datasets, models and evaluations that jobs made, and meshes that were uploaded.
 
 use super::{Store, StoreError};
 use serde_json::Value;
@@ -10,6 +10,8 @@ pub(crate) enum RecordKind {
     Dataset,
     /// An encoder or a policy: artifacts.
     Model,
+    /// What an evaluation counted of a model.
+    Evaluation,
     /// A mesh that was uploaded: an artifact.
     Mesh,
 }
@@ -19,6 +21,7 @@ impl RecordKind {
         match self {
             Self::Dataset => "dataset",
             Self::Model => "model",
+            Self::Evaluation => "evaluation",
             Self::Mesh => "mesh",
         }
     }
@@ -97,4 +100,21 @@ impl Store {
         .await?;
         Ok(records.iter().map(|record| serde_json::from_str(record)).collect::<Result<_, _>>()?)
     }
+
+    /// Evaluations of a model, newest first.
+    pub(crate) async fn evaluations_of(&self, model: &str) -> Result<Vec<Value>, StoreError> {
+        let records: Vec<String> = sqlx::query_scalar(
+            "SELECT record FROM records
+             WHERE kind = ? AND json_extract(record, '$.model_id') = ? ORDER BY seq DESC LIMIT ?",
+        )
+        .bind(RecordKind::Evaluation.name())
+        .bind(model)
+        .bind(MOST_EVALUATIONS)
+        .fetch_all(&self.readers)
+        .await?;
+        Ok(records.iter().map(|record| serde_json::from_str(record)).collect::<Result<_, _>>()?)
+    }
 }
+
+/// Evaluations of one model that are shown.
+const MOST_EVALUATIONS: i64 = 100;

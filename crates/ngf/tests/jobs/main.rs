@@ -134,6 +134,55 @@ fn a_stream_that_breaks_off_twenty_times_misses_nothing() {
 }
 
 #[test]
+fn what_jobs_made_can_be_looked_into() {
+    let folder = tempfile::tempdir().unwrap();
+    let server = Server::start(&folder.path().join("data"));
+    // Whoever listens to all jobs hears of those that come.
+    let all = ureq::get(format!("{}/api/v1/stream", server.url)).call().unwrap();
+    let mut all = BufReader::new(all.into_body().into_reader()).lines();
+    let made = server.ask("dataset.generate", json!({ "preset": "smoke" }));
+    let params = json!({ "model_id": "default", "object": "sugar_box", "attempts": 1, "seed": 3 });
+    let evaluated = server.ask("policy.evaluate", params);
+    let job = server.wait_for(&made, "succeeded");
+    let id = job["outputs"]["dataset_id"].as_str().unwrap();
+    let ended = |line: String| {
+        let event: Value = serde_json::from_str(line.strip_prefix("data: ")?).ok()?;
+        (event["job"] == made && event["data"]["status"] == "succeeded").then_some(())
+    };
+    all.find_map(|line| ended(line.unwrap())).unwrap();
+
+    let record = server.get(&format!("/datasets/{id}"));
+    let kept = record["summary"]["sugar_box"]["fates"]["kept"].as_u64().unwrap();
+    let mut entries: Vec<Value> = Vec::new();
+    loop {
+        let after =
+            entries.last().map_or(String::new(), |entry| format!("&after={}", entry["index"]));
+        let page = server.get(&format!("/datasets/{id}/episodes?limit=5{after}"));
+        entries.extend(page["data"].as_array().unwrap().iter().cloned());
+        if page["has_more"] == false {
+            break;
+        }
+    }
+    let indices: Vec<u64> = entries.iter().map(|entry| entry["index"].as_u64().unwrap()).collect();
+    assert_eq!(indices, (0..kept).collect::<Vec<_>>());
+    let other = server.get(&format!("/datasets/{id}/episodes?object=bleach"));
+    assert_eq!(other["data"], json!([]));
+    let last = entries.last().unwrap();
+    let episode = server.get(&format!("/datasets/{id}/episodes/{}", kept - 1));
+    assert_eq!((&episode["pose"], &episode["name"]), (&last["pose"], &last["object"]));
+    assert!(
+        episode["states"].as_array().unwrap().iter().all(|row| row.as_array().unwrap().len() == 46)
+    );
+
+    let job = server.wait_for(&evaluated, "succeeded");
+    let known = server.get("/models/default")["evaluations"][0].clone();
+    assert_eq!((&known["job"], &known["model_id"]), (&job["id"], &json!("default")));
+    let report = &known["reports"][0];
+    assert_eq!((&report["attempts"], &report["seed"]), (&json!(1), &json!(3)));
+    assert!(report.get("rows").is_none());
+}
+
+#[test]
 fn a_second_server_on_the_same_folder_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let data = folder.path().join("data");

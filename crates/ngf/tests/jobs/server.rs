@@ -26,7 +26,9 @@ impl Server {
 
     pub(crate) fn start_at(port: &str, data: &Path) -> Self {
         let mut serve = Command::new(env!("CARGO_BIN_EXE_ngf"));
-        Self::spawn(serve.args(["serve", "--port", port, "--data"]).arg(data))
+        let models = concat!(env!("CARGO_MANIFEST_DIR"), "/../../models");
+        serve.args(["serve", "--port", port, "--models", models, "--data"]);
+        Self::spawn(serve.arg(data))
     }
 
     pub(crate) fn spawn(serve: &mut Command) -> Self {
