@@ -1,14 +1,15 @@
 // The served release build in headless Chromium, for the tests beside this file.
 
 import { spawn } from "node:child_process";
-import { mkdirSync } from "node:fs";
+import { mkdirSync, readFileSync } from "node:fs";
 import { createInterface } from "node:readline";
 import { fileURLToPath } from "node:url";
 import { chromium } from "playwright-core";
 
-const root = fileURLToPath(new URL("../..", import.meta.url));
+export const root = fileURLToPath(new URL("../..", import.meta.url));
 export const program = process.env.NGF ?? `${root}target/debug/ngf`;
 const browserProgram = process.env.CHROMIUM ?? "/usr/bin/chromium";
+const axe = readFileSync(new URL("node_modules/axe-core/axe.min.js", import.meta.url), "utf8");
 const screenshots = process.env.SCREENSHOTS ?? `${root}target/screenshots`;
 
 // Software graphics draw a few frames a second; what waits for a picture may take its time.
@@ -17,16 +18,24 @@ export const PATIENCE = 120_000;
 export const WIDE = { width: 1440, height: 900 };
 export const PHONE = { width: 390, height: 844 };
 
-// Begins a server on a free port and a browser; `close` ends both.
-export async function open() {
-  const args = ["serve", "--port", "0", "--web", `${root}web/dist`, "--models", `${root}models`];
-  const server = spawn(program, args, { stdio: ["ignore", "pipe", "inherit"] });
-  const [address] = await new Promise((resolve, reject) => {
+// Begins a server on a port, 0 being a free one; with a folder for data it does jobs.
+export async function serve({ port = 0, data = null } = {}) {
+  const args = ["serve", "--port", String(port), "--web", `${root}web/dist`, "--models", `${root}models`];
+  // A test may ask as fast as it can.
+  if (data) args.push("--data", data, "--rate", "10000");
+  const server = spawn(program, args, { env: { ...process.env, NGF_LOG: "warn" }, stdio: ["ignore", "pipe", "inherit"] });
+  const address = await new Promise((resolve, reject) => {
     server.once("error", reject);
     server.once("exit", () => reject(new Error(`${program} stopped before it served`)));
-    createInterface(server.stdout).once("line", (line) => resolve([line]));
+    createInterface(server.stdout).once("line", resolve);
   });
   server.removeAllListeners("exit");
+  return { address, server };
+}
+
+// Begins a server and a browser; `close` ends both.
+export async function open({ data = null } = {}) {
+  const { address, server } = await serve({ data });
   const launched = chromium.launch({
     executablePath: browserProgram,
     args: [
@@ -47,11 +56,11 @@ export async function open() {
     await browser.close();
     server.kill();
   };
-  return { address, browser, close };
+  return { address, browser, server, close };
 }
 
-// A page with its first picture, and a list of all that went wrong on it so far.
-export async function visit({ address, browser }, { viewport = WIDE, colorScheme = "light", isCalm = true } = {}) {
+// An empty page that tells all that goes wrong on it.
+export async function blank({ address, browser }, { viewport = WIDE, colorScheme = "light", isCalm = true } = {}) {
   const page = await browser.newPage({
     viewport,
     colorScheme,
@@ -68,7 +77,22 @@ export async function visit({ address, browser }, { viewport = WIDE, colorScheme
     const isOurs = request.url().startsWith(address) || request.url().startsWith("blob:");
     if (!isOurs) complaints.push(`${request.url()} is another host's`);
   });
-  await page.goto(address);
+  return { page, complaints };
+}
+
+// What axe finds to be serious for those who do not see, hear or move as most do.
+export async function barriers(page) {
+  await page.evaluate(axe);
+  const { violations } = await page.evaluate(() => globalThis.axe.run());
+  return violations
+    .filter(({ impact }) => ["serious", "critical"].includes(impact))
+    .map(({ id, nodes }) => `${id}: ${nodes.map(({ html }) => html.slice(0, 120)).join(" | ")}`);
+}
+
+// The demo with its first picture, and a list of all that went wrong on it so far.
+export async function visit(served, options = {}) {
+  const { page, complaints } = await blank(served, options);
+  await page.goto(served.address + (options.path ?? ""));
   await page.waitForFunction(() => Number(document.getElementById("view").dataset.drawn) > 0);
   return { page, complaints };
 }

@@ -2,6 +2,7 @@
 
 import assert from "node:assert/strict";
 import { after, before, test } from "node:test";
+import { deflateRawSync } from "node:zlib";
 import { open, screenshot, untilReady, visit } from "./chromium.js";
 
 let served;
@@ -31,6 +32,89 @@ test("a mesh is read, measured, and its unit set right", async () => {
   await screenshot(page, "upload-verdict");
   await page.click("#unit-choice [value=in]");
   await page.waitForFunction(() => document.getElementById("report-size").textContent.startsWith("101.6"));
+  await page.close();
+});
+
+test("mass and side are said, and the object is another one then", async () => {
+  const { page } = await visit(served);
+  await untilReady(page);
+  await page.setInputFiles("#file", file("box.obj", BOX));
+  await page.waitForFunction(() => document.getElementById("report-size").textContent === "4.0 × 6.0 × 12.0 cm");
+  assert.equal(await page.inputValue("#mass"), "173", "600 kg/m³");
+  assert.match(await page.textContent("#report-fits"), /^4\.0 cm across .* gets round it$/);
+  await page.fill("#mass", "250");
+  await page.press("#mass", "Tab");
+  await page.waitForFunction(() => document.getElementById("report-mass").textContent === "250 g");
+  assert.ok(!/assumed/.test(await page.textContent("#report-notes")));
+  await page.selectOption("#sides", "0");
+  await page.waitForFunction(() => document.getElementById("report-size").textContent.endsWith("× 4.0 cm"));
+  assert.equal(await page.textContent("#report-mass"), "250 g", "what was said before still holds");
+  await page.close();
+});
+
+// An archive of these files, deflated.
+function zip(files) {
+  const parts = [];
+  const list = [];
+  let at = 0;
+  for (const [name, text] of Object.entries(files)) {
+    const packed = deflateRawSync(Buffer.from(text));
+    const local = Buffer.alloc(30);
+    local.writeUInt32LE(0x04034b50, 0);
+    local.writeUInt16LE(8, 8);
+    local.writeUInt32LE(packed.length, 18);
+    local.writeUInt16LE(name.length, 26);
+    const entry = Buffer.alloc(46);
+    entry.writeUInt32LE(0x02014b50, 0);
+    entry.writeUInt16LE(8, 10);
+    entry.writeUInt32LE(packed.length, 20);
+    entry.writeUInt16LE(name.length, 28);
+    entry.writeUInt32LE(at, 42);
+    parts.push(local, Buffer.from(name), packed);
+    list.push(entry, Buffer.from(name));
+    at += 30 + name.length + packed.length;
+  }
+  const end = Buffer.alloc(22);
+  end.writeUInt32LE(0x06054b50, 0);
+  end.writeUInt16LE(Object.keys(files).length, 10);
+  end.writeUInt32LE(at, 16);
+  return Buffer.concat([...parts, ...list, end]);
+}
+
+test("several files, an archive and the clipboard", async () => {
+  const { page, complaints } = await visit(served);
+  await untilReady(page);
+  const shown = (name) => page.waitForSelector(`#objects [value='file:${name}']:checked`);
+  await page.setInputFiles("#file", [file("one.obj", BOX), file("two.obj", BOX.replaceAll("120", "80"))]);
+  await shown("one.obj");
+  await page.click("#objects label:has-text('two.obj')");
+  await shown("two.obj");
+  await page.waitForFunction(() => document.getElementById("report-size").textContent === "4.0 × 6.0 × 8.0 cm");
+  const archive = zip({ "meshes/three.obj": BOX.replaceAll("120", "70"), "read me.txt": "no mesh", "__MACOSX/three.obj": "x" });
+  await page.setInputFiles("#file", file("meshes.zip", archive));
+  await shown("three.obj");
+  await page.waitForFunction(() => document.getElementById("report-size").textContent === "4.0 × 6.0 × 7.0 cm");
+  for (const [name, bytes, cause] of [
+    ["cut.zip", archive.subarray(0, 100), /no end/],
+    ["letters.zip", zip({ "letter.txt": "Dear reader" }), /holds no OBJ/],
+    ["bomb.zip", zip({ "bomb.obj": Buffer.alloc(60e6) }), /larger than 50 MB/],
+  ]) {
+    await page.setInputFiles("#file", file(name, bytes));
+    const card = await page.waitForSelector(`.failure:has-text("${name}")`);
+    assert.match(await card.textContent(), cause);
+  }
+  await page.evaluate((text) => {
+    const clipboardData = new DataTransfer();
+    clipboardData.items.add(new File([text], "pasted.obj"));
+    dispatchEvent(new ClipboardEvent("paste", { clipboardData }));
+  }, BOX);
+  await shown("pasted.obj");
+  // What cannot be read goes from the list again.
+  await page.setInputFiles("#file", file("bad.obj", "v 1"));
+  await page.waitForSelector('.failure:has-text("bad.obj")');
+  await shown("pasted.obj");
+  assert.equal(await page.locator("#objects [value='file:bad.obj']").count(), 0);
+  assert.deepEqual(complaints, []);
   await page.close();
 });
 

@@ -40,15 +40,14 @@ struct File {
     bytes: f64,
 }
 
-/// Fetches the model of this id; `None` if the server has none. `progress` gets bytes done and all.
+/// Fetches the model of this id; `None` if there is none. `base` is where the page lies; `progress` gets bytes done
+/// and all.
 pub(crate) async fn model(
     id: &str,
+    base: &str,
     mut progress: impl FnMut(f64, f64),
 ) -> Result<Option<ModelFiles>, Failure> {
-    // The list, because asking for a model that is not there would show as an error in the console.
-    let list = read(&get("/api/v1/models").await?, |_| {}).await?;
-    let list: List = serde_json::from_slice(&list)
-        .map_err(|error| failed(&format!("the list of models is not understood: {error}")))?;
+    let list = list(base).await?;
     let Some(card) = list.data.into_iter().find(|card| card.id == id) else { return Ok(None) };
     let Files { weights: Some(weights), starts: Some(starts), config: Some(config) } = card.files
     else {
@@ -59,7 +58,9 @@ pub(crate) async fn model(
     let mut done = 0.0;
     let mut contents = Vec::new();
     for file in [weights, starts, config] {
-        let response = get(&file.url).await?;
+        let is_absolute = file.url.starts_with('/');
+        let url = if is_absolute { file.url.clone() } else { format!("{base}{}", file.url) };
+        let response = get(&url).await?;
         let bytes = read(&response, |bytes| progress(done + bytes, total)).await?;
         if bytes.len() as f64 != file.bytes {
             let (found, wanted) = (bytes.len(), file.bytes);
@@ -71,6 +72,21 @@ pub(crate) async fn model(
     let [weights, starts, config] = <[Vec<u8>; 3]>::try_from(contents)
         .map_err(|files| failed(&format!("{} files came instead of 3", files.len())))?;
     Ok(Some(ModelFiles { weights, starts, config }))
+}
+
+/// The models that there are: of the server, or, where only files are served, those that lie beside the page. A list,
+/// because asking for a model that is not there would show as an error in the console.
+async fn list(base: &str) -> Result<List, Failure> {
+    let answer = match get(&format!("{base}api/v1/models")).await {
+        Ok(answer) => answer,
+        Err(of_server) => match get(&format!("{base}models/index.json")).await {
+            Ok(answer) => answer,
+            Err(_) => return Err(of_server),
+        },
+    };
+    let list = read(&answer, |_| {}).await?;
+    serde_json::from_slice(&list)
+        .map_err(|error| failed(&format!("the list of models is not understood: {error}")))
 }
 
 /// An answer that is good.

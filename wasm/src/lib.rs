@@ -3,8 +3,10 @@
 //! A thin layer over `rollout`. It fetches the weights, keeps the clock, finds the words, and counts;
 //! it knows nothing of the page but its protocol.
 
+mod batch;
 mod clock;
 mod fetch;
+mod history;
 mod look;
 mod protocol;
 mod stage;

@@ -1,7 +1,8 @@
-//! What the page and its worker say to each other. The same in TypeScript: web/src/protocol.ts.
+//! What the page and its worker say to each other. The same in TypeScript: web/src/demo/protocol.ts.
 //!
 //! Metres, radians, kilograms, seconds; z is up; quaternions are x, y, z, w.
 
+use crate::history::Terms;
 use crate::statistics::Tally;
 use geometry::mesh::Mesh;
 use js_sys::{Float32Array, Uint32Array};
@@ -21,6 +22,13 @@ pub(crate) enum ToWorker {
         #[serde(with = "serde_bytes")]
         bytes: Vec<u8>,
         unit: Option<Unit>,
+        mass_kg: Option<f32>,
+        stands: Option<Stands>,
+    },
+    /// Act by the model of this id; `base` is where the page lies.
+    Model {
+        id: String,
+        base: String,
     },
     Place {
         pose: PlanarPose,
@@ -39,6 +47,23 @@ pub(crate) enum ToWorker {
     Speed {
         factor: f64,
     },
+    /// Show how it was after this tick; resuming plays on from there.
+    Seek {
+        tick: usize,
+    },
+    /// Whether the terms of the fabric are wanted with every frame.
+    Watch {
+        on: bool,
+    },
+    /// So many attempts of seeds from this one on, as fast as they go.
+    Batch {
+        seed: u32,
+        attempts: u32,
+    },
+    /// End the batch.
+    Cancel,
+    /// Write the attempt as a file.
+    Export,
 }
 
 /// A unit of length that a file may be drawn in.
@@ -52,6 +77,15 @@ pub(crate) enum Unit {
     Millimetre,
     #[serde(rename = "in")]
     Inch,
+}
+
+/// How an object stands.
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Serialize)]
+#[serde(rename_all = "camelCase")]
+pub(crate) enum Stands {
+    AsInFile,
+    /// On one of the sides that hold it, the steadiest being 0.
+    On(usize),
 }
 
 /// Where an object stands on the table.
@@ -73,6 +107,11 @@ pub(crate) enum FromWorker {
     Progress(Progress),
     Model(Model),
     Verdict(Verdict),
+    /// An attempt of a batch has ended.
+    Attempted(Attempted),
+    /// A batch has ended.
+    BatchOver,
+    File(File),
     Failure(Failure),
 }
 
@@ -135,6 +174,17 @@ pub(crate) struct Ready {
     pub(crate) workspace: Rectangle,
     pub(crate) camera: DepthCamera,
     pub(crate) objects: Vec<BuiltIn>,
+    pub(crate) joints: Vec<Joint>,
+    /// Of scene file and robot: what it is the same for, ends the same.
+    pub(crate) scene: String,
+}
+
+/// A joint and its limits (rad).
+#[derive(Serialize)]
+pub(crate) struct Joint {
+    pub(crate) name: String,
+    pub(crate) lower: f32,
+    pub(crate) upper: f32,
 }
 
 /// What was found out about an object.
@@ -148,12 +198,19 @@ pub(crate) struct Report {
     pub(crate) parts: usize,
     pub(crate) unit: Option<Unit>,
     pub(crate) reason: Option<String>,
+    /// Sides that hold it, and how it stands.
+    pub(crate) sides: usize,
+    pub(crate) stands: Option<Stands>,
+    /// Whether the hand gets round it.
+    pub(crate) fits: String,
     pub(crate) notes: Vec<String>,
 }
 
 #[derive(Serialize)]
 pub(crate) struct ObjectLoaded {
     pub(crate) name: Option<String>,
+    /// Of shape, mass and friction.
+    pub(crate) hash: String,
     pub(crate) label: String,
     pub(crate) shape: Shape,
     pub(crate) hulls: Vec<Shape>,
@@ -183,6 +240,15 @@ pub(crate) struct Frame {
     /// Which demonstration is played, if one is.
     pub(crate) played: Option<String>,
     pub(crate) phase: Phase,
+    /// Which tick is shown, how many there are, and the first one of each phase so far.
+    pub(crate) tick: usize,
+    pub(crate) ticks: usize,
+    pub(crate) marks: Vec<usize>,
+    /// Commanded positions (rad) of all joints.
+    #[serde(with = "preserve")]
+    pub(crate) joints: Float32Array,
+    /// If they are watched.
+    pub(crate) terms: Option<Terms>,
     pub(crate) time: f64,
     pub(crate) running: bool,
     pub(crate) factor: f64,
@@ -226,7 +292,30 @@ impl Progress {
 #[derive(Serialize)]
 pub(crate) struct Model {
     pub(crate) id: Option<String>,
+    /// Of its files.
+    pub(crate) hash: Option<String>,
     pub(crate) words: String,
+    pub(crate) tally: Tally,
+}
+
+/// How one attempt of a batch ended.
+#[derive(Serialize)]
+pub(crate) struct Attempted {
+    pub(crate) seed: u32,
+    pub(crate) pose: PlanarPose,
+    pub(crate) lifted: bool,
+    pub(crate) words: String,
+    /// Simulated seconds.
+    pub(crate) time: f64,
+    pub(crate) hash: String,
+    pub(crate) tally: Tally,
+}
+
+/// A file to be saved.
+#[derive(Serialize)]
+pub(crate) struct File {
+    pub(crate) name: String,
+    pub(crate) text: String,
 }
 
 #[derive(Serialize)]

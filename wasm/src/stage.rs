@@ -1,23 +1,27 @@
 //! What stands on the table, and the attempt to lift it: all that the worker knows of the robot.
 
+use crate::fetch::ModelFiles;
+use crate::history::{History, Picture, Terms};
 use crate::look;
 use crate::protocol::{
-    BuiltIn, Cloud, DepthCamera, Failure, Frame, Link, ObjectLoaded, Phase, PlanarPose, Ready,
-    Rectangle, Shape, Table, Verdict,
+    Attempted, BuiltIn, Cloud, DepthCamera, Failure, File, Frame, Joint, Link, ObjectLoaded, Phase,
+    PlanarPose, Ready, Rectangle, Shape, Table, Verdict,
 };
 use crate::statistics::{Attempts, Tally};
 use crate::upload::{self, Loaded};
 use geometry::Pose;
 use js_sys::Float32Array;
 use robot::rotation;
-use rollout::{Attempt, Controller, Demonstration, RolloutError, Workcell};
+use rollout::{Attempt, Controller, Demonstration, Moment, RolloutError, Workcell};
 use scene::Simulation;
-use scene::config::CONTROL_PERIOD;
+use scene::config::{CONTROL_PERIOD, scene_hash};
 use std::collections::BTreeMap;
 
 /// Robot, table and object, with an attempt or without.
 pub(crate) struct Stage {
-    workcell: Workcell,
+    pub(crate) workcell: Workcell,
+    /// Id and hash of the model that acts, if one does.
+    model: Option<(String, String)>,
     loaded: Loaded,
     /// Of what stands there, from [`geometry::object::Object::hash`].
     object: String,
@@ -25,11 +29,16 @@ pub(crate) struct Stage {
     /// The seed that the pose was drawn from, unless the object was placed by hand.
     pose_seed: Option<u32>,
     attempt: Option<Attempt>,
+    history: History,
+    /// Whether the terms of the fabric are wanted.
+    pub(crate) is_watched: bool,
+    /// Whether the verdict has been told.
+    is_told: bool,
     /// Which demonstration is played, if one is.
     played: Option<String>,
     seed: u32,
-    /// By the object's hash.
-    attempts: BTreeMap<String, Attempts>,
+    /// By the hashes of model and object.
+    attempts: BTreeMap<(Option<String>, String), Attempts>,
 }
 
 impl Stage {
@@ -42,8 +51,23 @@ impl Stage {
         let object = loaded.object.hash();
         let attempts = BTreeMap::new();
         let pose_seed = Some(0);
-        let (attempt, played, seed) = (None, None, 0);
-        Ok(Self { workcell, loaded, object, pose, pose_seed, attempt, played, seed, attempts })
+        let (model, attempt, played, seed) = (None, None, None, 0);
+        let (history, is_watched, is_told) = (History::default(), false, false);
+        Ok(Self {
+            workcell,
+            model,
+            loaded,
+            object,
+            pose,
+            pose_seed,
+            attempt,
+            history,
+            is_watched,
+            is_told,
+            played,
+            seed,
+            attempts,
+        })
     }
 
     /// What the page needs once.
@@ -68,7 +92,19 @@ impl Stage {
                 aspect: config.camera.width as f32 / config.camera.height as f32,
             },
             objects: objects.collect(),
+            joints: self.joints(),
+            scene: scene_hash(),
         })
+    }
+
+    fn joints(&self) -> Vec<Joint> {
+        let tree = &self.workcell.robot.tree;
+        let joint = |(i, joint): (usize, &robot::tree::Joint)| Joint {
+            name: joint.name.clone(),
+            lower: tree.limits.lower[i] as f32,
+            upper: tree.limits.upper[i] as f32,
+        };
+        tree.joints.iter().enumerate().map(joint).collect()
     }
 
     /// Puts another object there.
@@ -83,13 +119,24 @@ impl Stage {
         self.loaded.message(self.tally())
     }
 
-    fn tally(&self) -> Tally {
-        self.attempts.get(&self.object).map(Attempts::tally).unwrap_or_default()
+    /// Attempts so far with this object by who acts now.
+    pub(crate) fn tally(&self) -> Tally {
+        self.attempts.get(&self.actors()).map(Attempts::tally).unwrap_or_default()
+    }
+
+    fn actors(&self) -> (Option<String>, String) {
+        (self.model.as_ref().map(|(_, hash)| hash.clone()), self.object.clone())
+    }
+
+    /// Id and hash of the model that acts, if one does.
+    pub(crate) fn model(&self) -> Option<&(String, String)> {
+        self.model.as_ref()
     }
 
     /// Ends the attempt, if there is one: the robot is home, the object where it was.
     pub(crate) fn reset(&mut self) {
         (self.attempt, self.played) = (None, None);
+        self.history.clear();
     }
 
     /// Moves the object to the nearest pose in the workspace, which ends an attempt. What is no pose
@@ -116,39 +163,66 @@ impl Stage {
         self.reset();
     }
 
-    /// Takes a model's three files.
-    pub(crate) fn load_model(
-        &mut self,
-        weights: &[u8],
-        starts: &[u8],
-        config: &[u8],
-    ) -> Result<(), Failure> {
-        self.workcell.load_model(weights, starts, config).map_err(|error| Failure {
+    /// Takes a model's three files, which ends an attempt by another one; if they are unusable, that one stays.
+    pub(crate) fn load_model(&mut self, id: &str, files: &ModelFiles) -> Result<(), Failure> {
+        let ModelFiles { weights, starts, config } = files;
+        let loaded = self.workcell.load_model(weights, starts, config);
+        let hash = loaded.map_err(|error| Failure {
             code: "model_unusable",
-            cause: format!("The policy cannot be used: {error}."),
+            cause: format!("The policy \"{id}\" cannot be used: {error}."),
             cure: "Train it again with this version of the program, or fetch its own model.".into(),
-        })
+        })?;
+        self.model = Some((id.into(), hash));
+        self.reset();
+        Ok(())
     }
 
     /// Begins an attempt: by the policy, or while there is none by the planner.
     pub(crate) fn begin(&mut self, seed: u32) -> Result<Cloud, Failure> {
         let PlanarPose { x, y, yaw } = self.pose;
+        let attempt =
+            self.attempt(Some([x, y, yaw]), seed).map_err(|error| cannot_begin(&error))?;
+        (self.played, self.seed) = (None, seed);
+        Ok(self.set_off(attempt))
+    }
+
+    /// An attempt with what stands there, where the seed puts it unless that is told.
+    pub(crate) fn attempt(
+        &self,
+        pose: Option<[f32; 3]>,
+        seed: u32,
+    ) -> Result<Attempt, RolloutError> {
         let has_policy = self.workcell.model.is_some();
         let controller = if has_policy { Controller::Policy } else { Controller::Planner };
         let Loaded { object, name, label, .. } = &self.loaded;
         let name = name.as_ref().unwrap_or(label);
-        let pose = Some([x, y, yaw]);
-        let attempt =
-            Attempt::begin(&self.workcell, object, name, pose, u64::from(seed), controller)
-                .map_err(|error| cannot_begin(&error))?;
-        (self.played, self.seed) = (None, seed);
-        Ok(self.set_off(attempt))
+        Attempt::begin(&self.workcell, object, name, pose, u64::from(seed), controller)
     }
 
     fn set_off(&mut self, attempt: Attempt) -> Cloud {
         let points: Vec<f32> = attempt.cloud().iter().flat_map(|p| p.to_array()).collect();
         self.attempt = Some(attempt);
+        self.is_told = false;
+        self.history.clear();
+        self.record();
         Cloud { points: Float32Array::from(points.as_slice()) }
+    }
+
+    /// Keeps how things stand.
+    fn record(&mut self) {
+        let Some(attempt) = &self.attempt else { return };
+        let scene = attempt.scene();
+        let poses = scene.body_poses().chain([scene.object_pose()]);
+        let terms = self.is_watched.then(|| {
+            let Moment { energy, margin, damping } = attempt.moment(&self.workcell);
+            Terms { energy, margin, damping }
+        });
+        self.history.push(Picture {
+            poses: poses.flat_map(|pose| seven(&pose)).collect(),
+            joints: attempt.commanded().q.iter().map(|q| *q as f32).collect(),
+            phase: attempt.phase().into(),
+            terms,
+        });
     }
 
     /// Begins to play a demonstration from a file, with the object that stands there or a built-in one.
@@ -184,24 +258,58 @@ impl Stage {
         Ok(self.set_off(attempt))
     }
 
-    /// Whether an attempt is under way.
+    /// Whether an attempt is under way, or is looked at again.
     pub(crate) fn is_busy(&self) -> bool {
-        self.attempt.as_ref().is_some_and(|attempt| attempt.verdict().is_none())
+        let is_under_way = self.attempt.as_ref().is_some_and(|it| it.verdict().is_none());
+        is_under_way || self.history.is_behind()
     }
 
     /// One control period.
     pub(crate) fn tick(&mut self) {
-        if let Some(attempt) = &mut self.attempt {
+        if self.history.is_behind() {
+            self.history.advance();
+        } else if let Some(attempt) = &mut self.attempt {
             attempt.tick(&self.workcell);
+            self.record();
         }
     }
 
-    /// How the attempt ended, if it has; asking counts it, so ask once.
-    pub(crate) fn count_verdict(&mut self) -> Option<Verdict> {
+    /// Shows how it was after this tick.
+    pub(crate) fn seek(&mut self, tick: usize) {
+        self.history.seek(tick);
+    }
+
+    /// How an attempt of a batch ended, which counts it.
+    pub(crate) fn attempted(&mut self, attempt: &Attempt, verdict: rollout::Verdict) -> Attempted {
+        let [x, y, yaw] = attempt.pose();
+        let seed = attempt.seed() as u32;
+        let attempts = self.attempts.entry(self.actors()).or_default();
+        attempts.count(seed, attempt.pose(), verdict.is_lifted());
+        Attempted {
+            seed,
+            pose: PlanarPose { x, y, yaw },
+            lifted: verdict.is_lifted(),
+            words: verdict.words().to_owned(),
+            time: attempt.ticks() as f64 * CONTROL_PERIOD,
+            hash: attempt.state_hash(),
+            tally: attempts.tally(),
+        }
+    }
+
+    /// The attempt as a file that `ngf replay` plays.
+    pub(crate) fn episode(&self) -> Option<File> {
         let attempt = self.attempt.as_ref()?;
+        let text = serde_json::to_string(&attempt.episode()).ok()?;
+        Some(File { name: format!("{}-{}.json", self.loaded.label, attempt.seed()), text })
+    }
+
+    /// How the attempt ended, if it has and that has not been told; asking counts it.
+    pub(crate) fn count_verdict(&mut self) -> Option<Verdict> {
+        let attempt = self.attempt.as_ref().filter(|_| !self.is_told)?;
         let verdict = attempt.verdict()?;
+        self.is_told = true;
         let hash = attempt.state_hash();
-        let attempts = self.attempts.entry(self.object.clone()).or_default();
+        let attempts = self.attempts.entry(self.actors()).or_default();
         let PlanarPose { x, y, yaw } = self.pose;
         if self.played.is_none() {
             attempts.count(self.seed, [x, y, yaw], verdict.is_lifted());
@@ -220,28 +328,38 @@ impl Stage {
 
     /// What is to be drawn; the clock's figures are filled in by its owner.
     pub(crate) fn frame(&self) -> Frame {
-        let poses: Vec<f32> = self.poses().iter().flat_map(seven).collect();
+        let at_home = self.at_home();
+        let picture = self.history.shown().unwrap_or(&at_home);
         Frame {
-            poses: Float32Array::from(poses.as_slice()),
+            poses: Float32Array::from(picture.poses.as_slice()),
             pose: self.pose,
             played: self.played.clone(),
-            phase: self.attempt.as_ref().map_or(Phase::Idle, |attempt| attempt.phase().into()),
-            time: self.attempt.as_ref().map_or(0.0, |a| a.ticks() as f64 * CONTROL_PERIOD),
+            phase: picture.phase,
+            tick: self.history.tick(),
+            ticks: self.history.last(),
+            marks: self.history.marks(),
+            joints: Float32Array::from(picture.joints.as_slice()),
+            terms: picture.terms,
+            time: self.history.tick() as f64 * CONTROL_PERIOD,
             running: true,
             factor: 1.0,
             measured: None,
         }
     }
 
-    fn poses(&self) -> Vec<Pose> {
-        if let Some(attempt) = &self.attempt {
-            let scene = attempt.scene();
-            return scene.body_poses().chain([scene.object_pose()]).collect();
-        }
+    /// How things stand before an attempt.
+    fn at_home(&self) -> Picture {
         let robot = &self.workcell.robot;
-        let home = robot.tree.kinematics(&robot.config.home());
+        let home = robot.config.home();
+        let links = robot.tree.kinematics(&home);
         let object = robot.config.upright(self.pose.x, self.pose.y, self.pose.yaw);
-        home.world_from_body.iter().map(rotation::to_pose).chain([object]).collect()
+        let poses = links.world_from_body.iter().map(rotation::to_pose).chain([object]);
+        Picture {
+            poses: poses.flat_map(|pose| seven(&pose)).collect(),
+            joints: home.iter().map(|q| *q as f32).collect(),
+            phase: Phase::Idle,
+            terms: None,
+        }
     }
 }
 
@@ -269,7 +387,8 @@ fn seven(pose: &Pose) -> [f32; 7] {
     [p.x, p.y, p.z, q.x, q.y, q.z, q.w]
 }
 
-fn cannot_begin(error: &RolloutError) -> Failure {
+/// Why an attempt cannot begin.
+pub(crate) fn cannot_begin(error: &RolloutError) -> Failure {
     let (code, cure) = match error {
         RolloutError::NoGrasps(_) | RolloutError::NoModel => {
             ("policy_missing", "Choose another object, or train a policy with `ngf train`.")

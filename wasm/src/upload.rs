@@ -1,9 +1,10 @@
 //! Objects to grasp: built in, or from the bytes of a mesh file.
 
-use crate::protocol::{Failure, ObjectLoaded, Report, Shape, Unit};
+use crate::protocol::{Failure, ObjectLoaded, Report, Shape, Stands, Unit};
 use crate::statistics::Tally;
+use geometry::Vec3;
 use geometry::catalog::{LOOK_ALIKES, of_family};
-use geometry::mesh::{self, Healing, Import};
+use geometry::mesh::{self, Healing, Import, Mesh};
 use geometry::object::Object;
 
 /// An object, and what is told about it.
@@ -22,6 +23,12 @@ const DENSITY: f64 = 600.0;
 const MASSES: [f64; 2] = [0.02, 1.5];
 /// Friction coefficient of an upload, the same as that of the built-in objects.
 const FRICTION: f32 = 0.8;
+/// Ways to stand that are offered.
+const MOST_RESTS: usize = 6;
+/// Directions from which a width is looked for.
+const WIDTHS: usize = 90;
+/// A little more than the softball (9.7 cm), the widest object that grasps of the search lift by going round it (m).
+const SPAN: f32 = 0.10;
 /// Corners of a hull that is drawn; its part may have fewer.
 const HULL_POINTS: usize = 256;
 
@@ -48,8 +55,16 @@ pub(crate) fn built_in(name: &str) -> Result<Loaded, Failure> {
     Ok(Loaded { object, name: Some(name.to_owned()), label: label(name), report })
 }
 
-/// An object from a mesh file; its unit is guessed unless given.
-pub(crate) fn read(file_name: &str, bytes: &[u8], unit: Option<Unit>) -> Result<Loaded, Failure> {
+/// What somebody says of a mesh file; the rest is guessed.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Told {
+    pub(crate) unit: Option<Unit>,
+    pub(crate) mass_kg: Option<f32>,
+    pub(crate) stands: Option<Stands>,
+}
+
+/// An object from a mesh file.
+pub(crate) fn read(file_name: &str, bytes: &[u8], told: Told) -> Result<Loaded, Failure> {
     let unusable = |error: mesh::MeshError| {
         let message = error.to_string();
         // The message ends with the cure, as a sentence of its own.
@@ -60,17 +75,39 @@ pub(crate) fn read(file_name: &str, bytes: &[u8], unit: Option<Unit>) -> Result<
             cure: format!("{cure}."),
         }
     };
-    let import = mesh::import(bytes, unit.map(Unit::geometry)).map_err(unusable)?;
+    let import = mesh::import(bytes, told.unit.map(Unit::geometry)).map_err(unusable)?;
     let Import { mesh, unit, healing } = import;
     let solid = mesh::solid(&mesh, healing.watertight).map_err(unusable)?;
+    let mut notes = notes(&healing, solid.from_hull);
+    let guessed = (DENSITY * solid.volume).clamp(MASSES[0], MASSES[1]) as f32;
+    let mass = told.mass_kg.filter(|kg| kg.is_finite() && *kg > 0.0).unwrap_or_else(|| {
+        notes.push(format!("Mass assumed from {DENSITY} kg/m³."));
+        guessed
+    });
+    let mut rests = mesh::rests(&mesh.vertices, solid.center);
+    rests.truncate(MOST_RESTS);
+    let stands = told.stands.unwrap_or_else(|| {
+        if rests.is_empty() || rests.iter().any(mesh::Rest::is_as_it_is) {
+            return Stands::AsInFile;
+        }
+        notes.push(
+            "It would fall over as it stands in the file; it lies on its steadiest side.".into(),
+        );
+        Stands::On(0)
+    });
+    let mesh = match stands {
+        Stands::On(side) if side < rests.len() => mesh.turned(&rests[side].rotation),
+        _ => mesh,
+    };
     let parts = mesh::convex_parts_or_hull(&mesh);
-    let mass = (DENSITY * solid.volume).clamp(MASSES[0], MASSES[1]) as f32;
     let object = Object::new(file_name, mesh, healing.watertight, parts.hulls, mass, FRICTION)
         .map_err(unusable)?;
     let report = Report {
         unit: Some(Unit::of(unit.unit)),
         reason: Some(format!("{}.", unit.reason)),
-        notes: notes(&healing, solid.from_hull),
+        sides: rests.len(),
+        stands: Some(stands),
+        notes,
         ..report_of(&object, healing.watertight)
     };
     Ok(Loaded { object, name: None, label: file_name.to_owned(), report })
@@ -82,6 +119,7 @@ impl Loaded {
         let hulls = self.object.parts.iter().filter_map(|part| mesh::hull(part, HULL_POINTS));
         ObjectLoaded {
             name: self.name.clone(),
+            hash: self.object.hash(),
             label: self.label.clone(),
             shape: Shape::of(&self.object.mesh),
             hulls: hulls.map(|hull| Shape::of(&hull)).collect(),
@@ -101,8 +139,27 @@ fn report_of(object: &Object, watertight: bool) -> Report {
         parts: object.parts.len(),
         unit: None,
         reason: None,
+        sides: 0,
+        stands: None,
+        fits: fits(&object.mesh),
         notes: Vec::new(),
     }
+}
+
+/// Whether the hand gets round it: its narrowest width seen from above.
+fn fits(mesh: &Mesh) -> String {
+    let width = |k: usize| {
+        let angle = std::f64::consts::PI * k as f64 / WIDTHS as f64;
+        let across = Vec3::new(libm::cos(angle) as f32, libm::sin(angle) as f32, 0.0);
+        let along = mesh.vertices.iter().map(|v| v.dot(across));
+        let (low, high) =
+            along.fold((f32::MAX, f32::MIN), |(low, high), s| (low.min(s), high.max(s)));
+        high - low
+    };
+    let narrowest = (0..WIDTHS).map(width).fold(f32::MAX, f32::min);
+    let words =
+        if narrowest > SPAN { "wider than the hand opens" } else { "the hand gets round it" };
+    format!("{:.1} cm across at its narrowest: {words}", 100.0 * narrowest)
 }
 
 /// What was repaired or assumed, as far as it changes what one sees or grasps.
@@ -120,7 +177,6 @@ fn notes(healing: &Healing, is_weighed_by_hull: bool) -> Vec<String> {
     if is_weighed_by_hull {
         notes.push("Weighed by its convex hull.".into());
     }
-    notes.push(format!("Mass assumed from {DENSITY} kg/m³."));
     notes
 }
 
@@ -155,7 +211,7 @@ mod tests {
 
     #[test]
     fn a_mesh_in_millimetres_becomes_an_object_with_mass_and_parts() {
-        let loaded = read("box.obj", BOX.as_bytes(), None).unwrap();
+        let loaded = read("box.obj", BOX.as_bytes(), Told::default()).unwrap();
         let report = &loaded.report;
         assert_eq!(report.unit, Some(Unit::Millimetre));
         assert!(report.watertight && report.parts == 1);
@@ -166,13 +222,30 @@ mod tests {
 
     #[test]
     fn the_unit_can_be_set_right() {
-        let loaded = read("box.obj", BOX.as_bytes(), Some(Unit::Centimetre)).unwrap();
+        let told = Told { unit: Some(Unit::Centimetre), ..Told::default() };
+        let loaded = read("box.obj", BOX.as_bytes(), told).unwrap();
         assert!((loaded.report.extent_cm[2] - 120.0).abs() < 1e-3);
     }
 
     #[test]
+    fn it_stands_and_weighs_as_is_said() {
+        let loaded = read("box.obj", BOX.as_bytes(), Told::default()).unwrap();
+        assert_eq!((loaded.report.stands, loaded.report.sides), (Some(Stands::AsInFile), 6));
+        let told = Told { mass_kg: Some(0.25), stands: Some(Stands::On(0)), ..Told::default() };
+        let loaded = read("box.obj", BOX.as_bytes(), told).unwrap();
+        assert!((loaded.report.extent_cm[2] - 4.0).abs() < 1e-3, "{:?}", loaded.report.extent_cm);
+        assert_eq!(loaded.object.mass, 0.25);
+        assert!(loaded.report.fits.starts_with("6.0 cm across"), "{}", loaded.report.fits);
+        // On its edge it does not stand.
+        let tilted = BOX.replace("v 40 60 0", "v 40 60 90").replace("v 40 0 0", "v 40 0 90");
+        let loaded = read("wedge.obj", tilted.as_bytes(), Told::default()).unwrap();
+        assert_eq!(loaded.report.stands, Some(Stands::On(0)));
+        assert!(loaded.report.notes.iter().any(|note| note.contains("fall over")));
+    }
+
+    #[test]
     fn a_bad_file_says_what_is_wrong_and_what_to_do() {
-        let failure = read("notes.txt", b"", None).err().unwrap();
+        let failure = read("notes.txt", b"", Told::default()).err().unwrap();
         assert_eq!(failure.code, "mesh_unusable");
         assert!(failure.cause.starts_with("notes.txt: the file is empty"), "{}", failure.cause);
         assert_eq!(failure.cure, "Export it again.");

@@ -1,10 +1,11 @@
 //! The message loop: what the page asks, the stage does, as fast as the clock says.
 
+use crate::batch::Batch;
 use crate::clock::Clock;
 use crate::fetch;
 use crate::protocol::{Amount, Cloud, Failure, Frame, FromWorker, Model, Progress, ToWorker};
-use crate::stage::Stage;
-use crate::upload::{self, Loaded};
+use crate::stage::{Stage, cannot_begin};
+use crate::upload::{self, Loaded, Told};
 use serde::Serialize;
 use serde_wasm_bindgen::Serializer;
 use std::cell::RefCell;
@@ -12,12 +13,16 @@ use wasm_bindgen::JsCast;
 use wasm_bindgen::closure::Closure;
 use web_sys::{DedicatedWorkerGlobalScope, MessageEvent};
 
-/// The model that the page runs.
-const MODEL: &str = "default";
+/// The page's messages wait at most so long for a batch (ms).
+const SLICE_MS: f64 = 30.0;
+
+/// The model that stands for whichever was chosen.
+const DEFAULT: &str = "default";
 
 struct Worker {
     stage: Stage,
     clock: Clock,
+    batch: Option<Batch>,
     /// Whether a timer will call `wake`.
     is_awaited: bool,
 }
@@ -26,7 +31,7 @@ thread_local! {
     static WORKER: RefCell<Option<Worker>> = const { RefCell::new(None) };
 }
 
-/// Sets the scene, listens, and fetches the policy.
+/// Sets the scene and listens.
 pub(crate) fn start() {
     std::panic::set_hook(Box::new(|info| {
         let failure = Failure {
@@ -47,63 +52,76 @@ pub(crate) fn start() {
         }
     });
     scope().set_onmessage(Some(listen.into_js_value().unchecked_ref()));
-    wasm_bindgen_futures::spawn_local(fetch_model());
 }
 
 fn begin() -> Result<(), Failure> {
     let stage = Stage::new()?;
     post(&FromWorker::Ready(stage.ready()?));
     post(&FromWorker::Object(stage.object()));
-    let worker = Worker { stage, clock: Clock::new(), is_awaited: false };
+    let worker = Worker { stage, clock: Clock::new(), batch: None, is_awaited: false };
     worker.show();
     WORKER.with(|cell| *cell.borrow_mut() = Some(worker));
     Ok(())
 }
 
-async fn fetch_model() {
+async fn fetch_model(id: String, base: String) {
     let progress = |done, total| {
         let label = "Fetching the policy".into();
         let finished = done >= total;
         let progress = Progress { label, done, total: Some(total), unit: Amount::Bytes, finished };
         post(&FromWorker::Progress(progress));
     };
-    let model = match fetch::model(MODEL, progress).await {
-        Ok(Some(files)) => load_model(&files),
-        Ok(None) => Ok(without_model("No policy is shipped yet.")),
+    let fetched = match fetch::model(&id, &base, progress).await {
+        Ok(Some(files)) => load_model(&id, &files),
+        // Before anything has been trained there is none, and the planner acts.
+        Ok(None) if id == DEFAULT => Ok(()),
+        Ok(None) => Err(no_model(&id)),
         Err(failure) => Err(failure),
     };
-    let model = model.unwrap_or_else(|failure| {
+    if let Err(failure) = fetched {
         post(&FromWorker::Failure(failure));
-        without_model("There is no policy.")
-    });
+    }
     post(&FromWorker::Progress(Progress::end()));
-    post(&FromWorker::Model(model));
+    with_worker(|worker| {
+        post(&FromWorker::Model(worker.model()));
+        worker.show();
+    });
 }
 
-fn load_model(files: &fetch::ModelFiles) -> Result<Model, Failure> {
+fn load_model(id: &str, files: &fetch::ModelFiles) -> Result<(), Failure> {
     let mut loaded = Ok(());
     with_worker(|worker| {
-        loaded = worker.stage.load_model(&files.weights, &files.starts, &files.config);
+        worker.end_batch();
+        loaded = worker.stage.load_model(id, files);
     });
-    loaded.map(|()| Model { id: Some(MODEL.into()), words: format!("Policy \"{MODEL}\" acts.") })
+    loaded
 }
 
-fn without_model(reason: &str) -> Model {
-    let planner = "The planner acts, which knows sugar box and bleach.";
-    Model { id: None, words: format!("{reason} {planner}") }
+fn no_model(id: &str) -> Failure {
+    Failure {
+        code: "model_missing",
+        cause: format!("There is no policy \"{id}\" here."),
+        cure: "Choose another one, or train one.".into(),
+    }
 }
 
 impl Worker {
     fn receive(&mut self, message: ToWorker) {
+        if matches!(message, ToWorker::Load { .. } | ToWorker::Upload { .. }) {
+            self.end_batch();
+        }
         match message {
             ToWorker::Load { object } => self.load(upload::built_in(&object)),
             ToWorker::Upload { file_name, bytes, .. } if file_name.ends_with(".json") => {
                 self.play(&file_name, &bytes);
             }
-            ToWorker::Upload { file_name, bytes, unit } => {
+            ToWorker::Upload { file_name, bytes, unit, mass_kg, stands } => {
                 post(&FromWorker::Progress(Progress::begin(format!("Reading {file_name}"))));
-                self.load(upload::read(&file_name, &bytes, unit));
+                self.load(upload::read(&file_name, &bytes, Told { unit, mass_kg, stands }));
                 post(&FromWorker::Progress(Progress::end()));
+            }
+            ToWorker::Model { id, base } => {
+                wasm_bindgen_futures::spawn_local(fetch_model(id, base));
             }
             ToWorker::Place { pose } => self.stage.place(pose),
             ToWorker::RandomPose { seed } => self.stage.place_by_seed(seed),
@@ -113,6 +131,21 @@ impl Worker {
             ToWorker::Step => {
                 self.clock.is_running = false;
                 self.tick(1);
+            }
+            ToWorker::Seek { tick } => {
+                self.clock.is_running = false;
+                self.stage.seek(tick);
+            }
+            ToWorker::Watch { on } => self.stage.is_watched = on,
+            ToWorker::Batch { seed, attempts } => {
+                self.batch = Some(Batch::new(seed, attempts));
+                self.await_tick();
+            }
+            ToWorker::Cancel => self.end_batch(),
+            ToWorker::Export => {
+                if let Some(file) = self.stage.episode() {
+                    post(&FromWorker::File(file));
+                }
             }
             ToWorker::Reset => {
                 self.stage.reset();
@@ -125,6 +158,16 @@ impl Worker {
             }
         }
         self.show();
+    }
+
+    /// Who acts.
+    fn model(&self) -> Model {
+        let (id, hash) = self.stage.model().cloned().unzip();
+        let words = match &id {
+            Some(id) => format!("Policy \"{id}\" acts."),
+            None => "No policy acts, but the planner, which knows sugar box and bleach.".into(),
+        };
+        Model { id, hash, words, tally: self.stage.tally() }
     }
 
     fn load(&mut self, loaded: Result<Loaded, Failure>) {
@@ -172,9 +215,36 @@ impl Worker {
         self.await_tick();
     }
 
+    /// Ticks of the batch for as long as messages may wait.
+    fn work_off(&mut self) {
+        let end = now_ms() + SLICE_MS;
+        while now_ms() < end {
+            let Some(batch) = &mut self.batch else { return };
+            match batch.advance(&mut self.stage) {
+                Ok(None) => {}
+                Ok(Some(attempted)) => post(&FromWorker::Attempted(attempted)),
+                Err(error) => {
+                    post(&FromWorker::Failure(cannot_begin(&error)));
+                    self.end_batch();
+                    return;
+                }
+            }
+            if batch.is_over() {
+                self.end_batch();
+            }
+        }
+    }
+
+    fn end_batch(&mut self) {
+        if self.batch.take().is_some() {
+            post(&FromWorker::BatchOver);
+        }
+    }
+
     /// Ticks that are due, then the next timer.
     fn wake(&mut self) {
         self.is_awaited = false;
+        self.work_off();
         let due = self.clock.due(now_ms());
         self.tick(due);
         if due > 0 {
@@ -202,11 +272,12 @@ impl Worker {
 
     /// A timer for the next tick, while there is something to do.
     fn await_tick(&mut self) {
-        if self.is_awaited || !self.clock.is_running || !self.stage.is_busy() {
+        let is_playing = self.clock.is_running && self.stage.is_busy();
+        if self.is_awaited || !(is_playing || self.batch.is_some()) {
             return;
         }
         let wake = Closure::once_into_js(|| with_worker(Worker::wake));
-        let wait_ms = self.clock.wait_ms() as i32;
+        let wait_ms = if self.batch.is_some() { 0 } else { self.clock.wait_ms() as i32 };
         let timer = scope()
             .set_timeout_with_callback_and_timeout_and_arguments_0(wake.unchecked_ref(), wait_ms);
         self.is_awaited = timer.is_ok();

@@ -22,7 +22,9 @@ pub(crate) struct Options {
 pub(crate) fn run(place: &Place, options: &Options) -> Result<()> {
     build(place)?;
     let port = options.port.to_string();
+    let data = place.target.join("demo");
     let mut serve = place.command(place.program("ngf"), &["serve", "--port", &port]);
+    serve.arg("--data").arg(data);
     if !options.no_open {
         serve.arg("--open");
     }

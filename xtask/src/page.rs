@@ -18,7 +18,7 @@ pub(crate) fn build(place: &Place) -> Result<()> {
     tools::npm_packages(place, "packages", &place.web())?;
     let page = Step {
         name: "page",
-        inputs: vec![place.web()],
+        inputs: vec![place.web(), place.root.join("models/default")],
         output: place.web().join("dist/index.html"),
     };
     page.run(place, || run(&mut place.npm(&place.web(), &["run", "--silent", "build"])))

@@ -1,6 +1,6 @@
 //! What a dataset holds, and the sizes that have names.
 
-use geometry::catalog::CATALOG;
+use geometry::catalog::{CATALOG, Entry};
 
 /// Counts the changes of what a configuration makes: 3, Parquet in LeRobot's layout; 4, surfaces of objects; 5, overlap;
 /// 6, each object stands at poses of its own; 7, the hand leaves straight back and wide open, within 8 s; 8, grasps by
@@ -50,7 +50,10 @@ pub const PRESETS: [(&str, &str); 5] = [
     ("small", "minutes: two objects, 24 poses each, 32 demonstrations of each"),
     ("variants", "made models/default: 220 poses each of a box in 2 proportions and a bottle in 8"),
     ("paper", "the paper's size: K = 192 object poses, M = 256 demonstrations of each"),
-    ("families", "the training objects of all families, 40 poses each, grasped alike in a family"),
+    (
+        "families",
+        "the training objects of all families, some in several proportions, 28 poses each",
+    ),
 ];
 
 /// The objects that the paper's policies learn to grasp.
@@ -63,6 +66,14 @@ const ENCODED: [&str; 4] = ["sugar_box", "bleach", "cracker_box", "soup_can"];
 const TAUGHT_VARIANTS: [(&str, usize); 2] = [("sugar_box", 2), ("bleach", 8)];
 /// Proportions there of each object that the encoder sees.
 const ENCODED_VARIANTS: usize = 8;
+
+/// Proportions in preset `families` of what is held to be harder than the others.
+const FAMILY_VARIANTS: [(&str, usize); 3] = [("bleach", 8), ("sugar_box", 3), ("cracker_box", 3)];
+/// Families whose objects come in two proportions: what is round looks the same from everywhere and has demonstrations
+/// enough.
+const ANGULAR: [&str; 2] = ["boxes", "bottles"];
+/// Objects that no grasp of the search lifts.
+const NOT_LIFTED: [&str; 1] = ["hammer"];
 
 /// Objects, each in so many proportions, its own first.
 fn with_variants(objects: impl IntoIterator<Item = (&'static str, usize)>) -> Vec<String> {
@@ -125,12 +136,22 @@ impl DatasetConfig {
             },
             "families" => {
                 let taught = CATALOG.iter().filter(|entry| entry.is_for_training());
-                let families: Vec<&str> = taught.map(|entry| entry.name).collect();
+                let seen: Vec<&str> = taught.clone().map(|entry| entry.name).collect();
+                // What no grasp lifts has no demonstrations.
+                let lifted = taught.filter(|entry| !NOT_LIFTED.contains(&entry.name));
+                let proportions = |entry: &Entry| match FAMILY_VARIANTS
+                    .iter()
+                    .find(|(name, _)| *name == entry.name)
+                {
+                    Some((_, count)) => *count,
+                    None if ANGULAR.contains(&entry.family) => 2,
+                    None => 1,
+                };
                 Self {
-                    encoder_objects: owned(&families),
-                    objects: owned(&families),
+                    encoder_objects: owned(&seen),
+                    objects: with_variants(lifted.map(|entry| (entry.name, proportions(entry)))),
                     grasps_by_family: true,
-                    poses: 40,
+                    poses: 28,
                     trajectories: 2,
                     overlap: true,
                     audits: 0,

@@ -1,8 +1,8 @@
-// Elements of index.html, by id and type.
+// Elements: those of the page by id and type, and new ones.
 
 export function element<T extends Element>(id: string, type: abstract new () => T): T {
   const found = document.getElementById(id);
-  if (!(found instanceof type)) throw new Error(`index.html has no ${type.name} with id ${id}`);
+  if (!(found instanceof type)) throw new Error(`the page has no ${type.name} with id ${id}`);
   return found;
 }
 
@@ -13,4 +13,37 @@ export function choice(id: string, chosen: (value: string) => void): (value: str
   return (value) => {
     for (const button of buttons) button.setAttribute("aria-pressed", String(button.value === value));
   };
+}
+
+export type Child = Node | string | null | false | undefined;
+export type Attributes = Record<string, string | number | boolean | null | ((event: Event) => void)>;
+
+// A new element; functions are listeners, true is an attribute without a value, null and false none.
+export function h<K extends keyof HTMLElementTagNameMap>(
+  tag: K,
+  attributes: Attributes = {},
+  ...children: Child[]
+): HTMLElementTagNameMap[K] {
+  const made = document.createElement(tag);
+  for (const [name, value] of Object.entries(attributes)) {
+    if (typeof value === "function") made.addEventListener(name, value);
+    else if (value === true) made.setAttribute(name, "");
+    else if (value !== null && value !== false) made.setAttribute(name, String(value));
+  }
+  made.append(...children.filter((child): child is Node | string => Boolean(child)));
+  return made;
+}
+
+// A button that says that it is at work until it is done.
+export function button(label: string, act: () => unknown, attributes: Attributes = {}): HTMLButtonElement {
+  const made: HTMLButtonElement = h("button", { type: "button", ...attributes }, label);
+  made.addEventListener("click", async () => {
+    made.disabled = true;
+    try {
+      await act();
+    } finally {
+      made.disabled = false;
+    }
+  });
+  return made;
 }

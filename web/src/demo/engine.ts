@@ -2,13 +2,22 @@
 
 import type { Failure, FromWorker, ToWorker } from "./protocol";
 
+// What tells a worker by whom to act.
+export function useModel(id: string): ToWorker {
+  return { kind: "model", id, base: new URL(".", document.baseURI).href };
+}
+
 export class Engine {
   #worker: Worker;
   // A worker hears nothing before it is ready: what is said meanwhile is kept.
-  #waiting: [ToWorker, Transferable[]][] | null = [];
+  #waiting: [ToWorker, Transferable[]][] | null;
+  readonly #greeting: ToWorker;
   readonly #receive: (message: FromWorker) => void;
 
-  constructor(receive: (message: FromWorker) => void) {
+  // Every worker is told the greeting first.
+  constructor(greeting: ToWorker, receive: (message: FromWorker) => void) {
+    this.#greeting = greeting;
+    this.#waiting = [[greeting, []]];
     this.#receive = receive;
     this.#worker = this.#start();
   }
@@ -18,10 +27,15 @@ export class Engine {
     else this.#worker.postMessage(message, transfer);
   }
 
+  // Nobody listens any more.
+  stop(): void {
+    this.#worker.terminate();
+  }
+
   // A worker that has failed cannot go on; a new one can.
   restart(): void {
     this.#worker.terminate();
-    this.#waiting = [];
+    this.#waiting = [[this.#greeting, []]];
     this.#worker = this.#start();
   }
 
@@ -38,7 +52,6 @@ export class Engine {
     worker.onmessage = ({ data }: MessageEvent<FromWorker>) => {
       hasTold ||= data.kind === "failure" && data.code.startsWith("engine_");
       this.#receive(data);
-      // The policy is the last thing that a worker begins with.
       if (data.kind === "ready") this.#deliver();
     };
     worker.onerror = (event) => {

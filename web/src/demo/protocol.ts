@@ -5,6 +5,16 @@
 
 export type Unit = "m" | "cm" | "mm" | "in";
 
+// How an object stands: as in its file, or on one of the sides that hold it, the steadiest being 0.
+export type Stands = "asInFile" | { on: number };
+
+// What somebody says of a mesh file; null is guessed.
+export interface Told {
+  unit: Unit | null;
+  massKg: number | null;
+  stands: Stands | null;
+}
+
 // An attempt goes through these in order; "idle" is before the first and after a reset.
 export type Phase = "idle" | "approach" | "policy" | "lift" | "hold" | "verdict";
 
@@ -18,7 +28,9 @@ export interface PlanarPose {
 export type ToWorker =
   | { kind: "load"; object: string }
   // A mesh, or a demonstration (JSON).
-  | { kind: "upload"; fileName: string; bytes: ArrayBuffer; unit: Unit | null }
+  | ({ kind: "upload"; fileName: string; bytes: ArrayBuffer } & Told)
+  // Act by the model of this id; base is where the page lies.
+  | { kind: "model"; id: string; base: string }
   | { kind: "place"; pose: PlanarPose }
   // The pose that an attempt with this seed draws.
   | { kind: "randomPose"; seed: number }
@@ -27,7 +39,16 @@ export type ToWorker =
   | { kind: "resume" }
   | { kind: "step" }
   | { kind: "reset" }
-  | { kind: "speed"; factor: number };
+  | { kind: "speed"; factor: number }
+  // Show how it was after this tick; resuming plays on from there.
+  | { kind: "seek"; tick: number }
+  // Whether the terms of the fabric are wanted with every frame.
+  | { kind: "watch"; on: boolean }
+  // So many attempts of seeds from this one on, as fast as they go.
+  | { kind: "batch"; seed: number; attempts: number }
+  | { kind: "cancel" }
+  // Write the attempt as a file.
+  | { kind: "export" };
 
 // A surface: three numbers per vertex, three indices per triangle.
 export interface Shape {
@@ -70,6 +91,11 @@ export interface Report {
   // Only for uploads: the unit that was taken and why, and what else is worth knowing.
   unit: Unit | null;
   reason: string | null;
+  // Sides that hold it, and how it stands; only for uploads.
+  sides: number;
+  stands: Stands | null;
+  // Whether the hand gets round it.
+  fits: string;
   notes: string[];
 }
 
@@ -80,12 +106,24 @@ export interface Ready {
   workspace: Rectangle;
   camera: DepthCamera;
   objects: { name: string; label: string }[];
+  joints: Joint[];
+  // Hash of scene file and robot: what it is the same for, ends the same.
+  scene: string;
+}
+
+// A joint and its limits.
+export interface Joint {
+  name: string;
+  lower: number;
+  upper: number;
 }
 
 export interface ObjectLoaded {
   kind: "object";
   // The name of a built-in object, or null for an upload.
   name: string | null;
+  // Of shape, mass and friction.
+  hash: string;
   label: string;
   shape: Shape;
   hulls: Shape[];
@@ -102,6 +140,14 @@ export interface Frame {
   // Which demonstration is played, if one is.
   played: string | null;
   phase: Phase;
+  // Which tick is shown, how many there are, and the first one of each phase so far.
+  tick: number;
+  ticks: number;
+  marks: number[];
+  // Commanded positions of all joints.
+  joints: Float32Array;
+  // If they are watched.
+  terms: Terms | null;
   // Since the attempt began.
   time: number;
   running: boolean;
@@ -129,7 +175,11 @@ export interface Progress {
 export interface Model {
   kind: "model";
   id: string | null;
+  // Of its files.
+  hash: string | null;
   words: string;
+  // Attempts so far by it with the object that stands there.
+  tally: Tally;
 }
 
 export interface Verdict {
@@ -154,6 +204,39 @@ export interface Tally {
   interval: [number, number];
 }
 
+// What a fabric keeps, and what the joints have left.
+export interface Terms {
+  // Half the square of the joint velocities (rad²/s²).
+  energy: number;
+  // Distance of the joint nearest to a limit from it (rad).
+  margin: number;
+  // Greatest damping (1/s), where a policy acts.
+  damping: number | null;
+}
+
+// How one attempt of a batch ended.
+export interface Attempted {
+  kind: "attempted";
+  seed: number;
+  pose: PlanarPose;
+  lifted: boolean;
+  words: string;
+  time: number;
+  hash: string;
+  tally: Tally;
+}
+
+export interface BatchOver {
+  kind: "batchOver";
+}
+
+// A file to be saved.
+export interface SavedFile {
+  kind: "file";
+  name: string;
+  text: string;
+}
+
 export interface Failure {
   kind: "failure";
   code: string;
@@ -162,4 +245,14 @@ export interface Failure {
 }
 
 export type FromWorker =
-  Ready | ObjectLoaded | Frame | Cloud | Progress | Model | Verdict | Failure;
+  | Ready
+  | ObjectLoaded
+  | Frame
+  | Cloud
+  | Progress
+  | Model
+  | Verdict
+  | Attempted
+  | BatchOver
+  | SavedFile
+  | Failure;

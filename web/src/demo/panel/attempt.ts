@@ -1,6 +1,6 @@
 // The attempt: its buttons, its phases, what it came to, and how attempts came out so far.
 
-import { element } from "../dom";
+import { element } from "../../common/dom";
 import type { Frame, Model, Phase, Tally, Verdict } from "../protocol";
 
 const WORDS: Record<Exclude<Phase, "verdict" | "policy">, string> = {
@@ -62,10 +62,11 @@ export class AttemptPanel {
   }
 
   // It is known who acts.
-  showModel({ id, words }: Model): void {
+  showModel({ id, words, tally }: Model): void {
     this.#actor = id === null ? "planner" : "policy";
+    showTally(tally);
     element("model", HTMLElement).textContent = words;
-    const phase = this.#phases.querySelector("[data-phase=policy]");
+    const phase = this.#phases.querySelector("[data-phase=policy] button");
     if (phase) phase.textContent = id === null ? "Planner" : "Policy";
     this.#enable();
   }
@@ -77,6 +78,28 @@ export class AttemptPanel {
 
   grasp(): void {
     if (!this.#grasp.disabled) this.#events.grasp(this.#seedValue());
+  }
+
+  get seed(): number {
+    return this.#seedValue();
+  }
+
+  // The attempt of this seed, where the object stands.
+  tryAgain(seed: number): void {
+    this.#seed.value = String(seed);
+    this.#poseSeed = seed;
+    this.grasp();
+  }
+
+  // The attempt of this seed, where it puts the object.
+  show(seed: number): void {
+    this.#seed.value = String(seed);
+    this.#drawPose();
+    this.grasp();
+  }
+
+  showTally(tally: Tally): void {
+    showTally(tally);
   }
 
   newPose(): void {
@@ -112,6 +135,11 @@ export class AttemptPanel {
     this.#hash.title = verdict.hash;
     showTally(verdict.tally);
     this.#showPhases();
+  }
+
+  // It ended as was said beforehand.
+  confirm(): void {
+    this.#note(`${this.#hash.textContent}, as in the link`);
   }
 
   #note(text: string): void {

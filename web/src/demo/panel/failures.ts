@@ -1,6 +1,6 @@
 // Cards that say what failed and what to do. They stay until closed, and can be copied.
 
-import { element } from "../dom";
+import { element } from "../../common/dom";
 import type { Failure } from "../protocol";
 
 const MOST = 3;

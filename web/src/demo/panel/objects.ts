@@ -1,11 +1,14 @@
-// Choosing an object: from the list, by button, or dropped anywhere on the page.
+// Choosing an object: from the list, by button, dropped anywhere on the page, or pasted.
 
-import { element } from "../dom";
-import type { Ready, Unit } from "../protocol";
+import { element, h } from "../../common/dom";
+import { dropped, readable } from "../files";
+import type { Ready } from "../protocol";
 
 export interface ObjectEvents {
   load(name: string): void;
-  upload(file: File, unit: Unit | null): void;
+  upload(file: File): void;
+  // Nothing could be read, and why.
+  refused(cause: string): void;
 }
 
 export class ObjectPicker {
@@ -13,43 +16,76 @@ export class ObjectPicker {
   readonly #list = element("objects", HTMLFieldSetElement);
   readonly #button = element("upload", HTMLButtonElement);
   readonly #input = element("file", HTMLInputElement);
+  // Files that were brought, by name: the last of a name counts.
+  readonly #files = new Map<string, HTMLInputElement>();
+  #selected: [string | null, string] = [null, ""];
 
   constructor(events: ObjectEvents) {
     this.#events = events;
     this.#button.addEventListener("click", () => this.#input.click());
     this.#input.addEventListener("change", () => {
-      this.#take(this.#input.files);
+      void this.#take([...(this.#input.files ?? [])]);
       // So that the same file can be chosen again.
       this.#input.value = "";
+    });
+    addEventListener("paste", ({ clipboardData }) => {
+      const files = [...(clipboardData?.files ?? [])];
+      if (files.length > 0) void this.#take(files);
     });
     this.#acceptDrops();
   }
 
   show(objects: Ready["objects"]): void {
-    this.#list.querySelectorAll("label").forEach((label) => label.remove());
+    this.#list.querySelectorAll("label.built-in").forEach((label) => label.remove());
+    const first = this.#list.querySelector("label") ?? this.#button;
     for (const { name, label } of objects) {
-      const input = document.createElement("input");
-      input.type = "radio";
-      input.name = "object";
-      input.value = name;
-      input.addEventListener("change", () => this.#events.load(name));
-      const choice = document.createElement("label");
-      choice.append(input, label);
-      this.#button.before(choice);
+      const choice = this.#choice(name, label, () => this.#events.load(name));
+      choice.classList.add("built-in");
+      first.before(choice);
     }
     this.#button.disabled = false;
   }
 
-  // Marks a built-in object, or else the upload by its label.
+  // Marks a built-in object, or else a file by its name.
   select(name: string | null, label: string): void {
+    this.#selected = [name, label];
     for (const input of this.#list.querySelectorAll("input")) input.checked = input.value === name;
-    this.#button.classList.toggle("is-chosen", name === null);
-    if (name === null) this.#button.textContent = label;
+    const file = name === null ? this.#files.get(label) : undefined;
+    if (file) file.checked = true;
   }
 
-  #take(files: FileList | null | undefined): void {
-    const file = files?.[0];
-    if (file) this.#events.upload(file, null);
+  #choice(value: string, label: string, chosen: () => void): HTMLLabelElement {
+    return h("label", { title: label }, h("input", { type: "radio", name: "object", value, change: chosen }), h("span", {}, label));
+  }
+
+  // Puts a file into the list.
+  add(file: File): void {
+    this.#files.get(file.name)?.closest("label")?.remove();
+    const choice = this.#choice(`file:${file.name}`, file.name, () => this.#events.upload(file));
+    this.#files.set(file.name, choice.querySelector("input")!);
+    this.#button.before(choice);
+  }
+
+  // Takes a file that is of no use from the list; what stood there still does.
+  refuse(fileName: string): void {
+    this.#files.get(fileName)?.closest("label")?.remove();
+    this.#files.delete(fileName);
+    this.select(...this.#selected);
+  }
+
+  // The first one is shown, the others stand in the list.
+  async #take(brought: Iterable<File> | Promise<File[]>): Promise<void> {
+    let files: File[];
+    try {
+      files = await readable(await brought);
+    } catch (error) {
+      this.#events.refused(error instanceof Error ? error.message : String(error));
+      return;
+    }
+    // A demonstration brings its own object.
+    for (const file of files) if (!file.name.endsWith(".json")) this.add(file);
+    const [first] = files;
+    if (first) this.#events.upload(first);
   }
 
   #acceptDrops(): void {
@@ -67,7 +103,7 @@ export class ObjectPicker {
     addEventListener("drop", (event) => {
       event.preventDefault();
       set(0);
-      this.#take(event.dataTransfer?.files);
+      void this.#take(dropped(event.dataTransfer));
     });
   }
 }

@@ -1,7 +1,8 @@
-// Pause, step, reset, speed, and how fast it really runs.
+// Pause, step, reset, speed, the moment that is shown, and how fast it really runs.
 
-import { element } from "../dom";
+import { element } from "../../common/dom";
 import type { Frame, ToWorker } from "../protocol";
+import { Timeline } from "./timeline";
 
 // Slower than this share of what was asked for is worth pointing out.
 const SLOW = 0.9;
@@ -9,15 +10,19 @@ const SLOW = 0.9;
 export class Playback {
   readonly #send: (message: ToWorker) => void;
   readonly #pause = element("pause", HTMLButtonElement);
+  readonly #back = element("back", HTMLButtonElement);
   readonly #step = element("step", HTMLButtonElement);
   readonly #reset = element("reset", HTMLButtonElement);
   readonly #speed = element("speed", HTMLSelectElement);
   readonly #rate = element("rate", HTMLElement);
+  readonly #timeline: Timeline;
   #isRunning = true;
   #isSuspended = false;
 
   constructor(send: (message: ToWorker) => void) {
     this.#send = send;
+    this.#timeline = new Timeline(send);
+    this.#back.addEventListener("click", () => this.back());
     this.#pause.addEventListener("click", () => this.toggle());
     this.#step.addEventListener("click", () => this.step());
     this.#reset.addEventListener("click", () => this.reset());
@@ -33,7 +38,7 @@ export class Playback {
   }
 
   #setDisabled(on: boolean): void {
-    for (const control of [this.#pause, this.#step, this.#reset, this.#speed]) control.disabled = on;
+    for (const control of [this.#pause, this.#back, this.#step, this.#reset, this.#speed]) control.disabled = on;
   }
 
   toggle(): void {
@@ -51,11 +56,22 @@ export class Playback {
     this.#send({ kind: "step" });
   }
 
+  back(): void {
+    this.#timeline.go(-1);
+  }
+
+  // Shows how it was after this tick.
+  seek(tick: number): void {
+    this.#timeline.seek(tick);
+  }
+
   reset(): void {
     this.#send({ kind: "reset" });
   }
 
-  show({ running, factor, measured }: Frame): void {
+  show(frame: Frame): void {
+    const { running, factor, measured } = frame;
+    this.#timeline.show(frame);
     this.#isRunning = running;
     this.#pause.classList.toggle("is-paused", !running);
     this.#pause.setAttribute("aria-label", running ? "Pause" : "Go on");

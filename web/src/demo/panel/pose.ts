@@ -1,6 +1,6 @@
 // Where the object stands, in numbers: the same as dragging it.
 
-import { element } from "../dom";
+import { element } from "../../common/dom";
 import type { Frame, PlanarPose, Rectangle } from "../protocol";
 
 const DEGREE = Math.PI / 180;

@@ -1,6 +1,6 @@
 // One bar for whatever takes its time.
 
-import { element } from "../dom";
+import { element } from "../../common/dom";
 import type { Progress } from "../protocol";
 
 export function showProgress(progress: Progress): void {

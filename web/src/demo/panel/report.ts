@@ -1,20 +1,49 @@
-// What was found out about the object, and the unit of a file to set right.
+// What was found out about the object, and what of a file to set right: unit, mass, side.
 
-import { choice, element } from "../dom";
-import type { Report, Unit } from "../protocol";
+import { choice, element, h } from "../../common/dom";
+import type { Report, Stands, Told, Unit } from "../protocol";
 
 export class ReportCard {
   readonly #box = element("report", HTMLElement);
   readonly #size = element("report-size", HTMLElement);
   readonly #mass = element("report-mass", HTMLElement);
   readonly #mesh = element("report-mesh", HTMLElement);
-  readonly #units = element("units", HTMLElement);
+  readonly #fits = element("report-fits", HTMLElement);
+  readonly #file = element("report-file", HTMLElement);
   readonly #reason = element("report-reason", HTMLElement);
   readonly #notes = element("report-notes", HTMLElement);
+  readonly #grams = element("mass", HTMLInputElement);
+  readonly #sides = element("sides", HTMLSelectElement);
   readonly #press: (unit: string | null) => void;
+  // What was said of this file so far.
+  #told: Told = nothing();
 
-  constructor(unitChosen: (unit: Unit) => void) {
-    this.#press = choice("unit-choice", (value) => unitChosen(value as Unit));
+  constructor(changed: (told: Told) => void) {
+    const change = (part: Partial<Told>) => {
+      this.#told = { ...this.#told, ...part };
+      changed(this.#told);
+    };
+    // In another unit it has another mass, and the guess is made anew.
+    this.#press = choice("unit-choice", (value) => change({ unit: value as Unit, massKg: null }));
+    this.#grams.addEventListener("change", () => {
+      const grams = this.#grams.valueAsNumber;
+      change({ massKg: grams > 0 ? grams / 1000 : null });
+    });
+    this.#sides.addEventListener("change", () => {
+      const side = Number(this.#sides.value);
+      change({ stands: side < 0 ? "asInFile" : { on: side } });
+    });
+  }
+
+  // Another file, of which this has been said.
+  begin(told: Told = nothing()): Told {
+    this.#told = told;
+    return told;
+  }
+
+  // What was said of the file.
+  get told(): Told {
+    return this.#told;
   }
 
   show(report: Report): void {
@@ -22,12 +51,29 @@ export class ReportCard {
     this.#size.textContent = `${report.extentCm.map((side) => side.toFixed(1)).join(" × ")} cm`;
     this.#mass.textContent = massInWords(report.massKg);
     this.#mesh.textContent = meshInWords(report);
-    this.#units.hidden = report.unit === null;
+    this.#fits.textContent = report.fits;
+    this.#file.hidden = report.unit === null;
     this.#press(report.unit);
     this.#reason.textContent = report.reason ?? "";
+    if (document.activeElement !== this.#grams) this.#grams.value = String(Math.round(1000 * report.massKg));
+    this.#showSides(report);
     this.#notes.hidden = report.notes.length === 0;
-    this.#notes.replaceChildren(...report.notes.map(listItem));
+    this.#notes.replaceChildren(...report.notes.map((note) => h("li", {}, note)));
   }
+
+  #showSides({ sides, stands }: Report): void {
+    const names = ["as in the file", ...Array.from({ length: sides }, (_, i) => (i === 0 ? "on its steadiest side" : `on side ${i + 1}`))];
+    this.#sides.replaceChildren(...names.map((name, i) => h("option", { value: i - 1 }, name)));
+    this.#sides.value = String(sideOf(stands));
+  }
+}
+
+function nothing(): Told {
+  return { unit: null, massKg: null, stands: null };
+}
+
+function sideOf(stands: Stands | null): number {
+  return stands === null || stands === "asInFile" ? -1 : stands.on;
 }
 
 function massInWords(kg: number): string {
@@ -38,10 +84,4 @@ function meshInWords({ triangles, watertight, parts }: Report): string {
   const count = triangles.toLocaleString("en");
   const closed = watertight ? "watertight" : "open";
   return `${count} triangles, ${closed}, ${parts} convex ${parts === 1 ? "part" : "parts"}`;
-}
-
-function listItem(text: string): HTMLLIElement {
-  const item = document.createElement("li");
-  item.textContent = text;
-  return item;
 }

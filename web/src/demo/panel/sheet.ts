@@ -1,6 +1,6 @@
 // The settings on a phone: a sheet that opens over the foot of the picture.
 
-import { element } from "../dom";
+import { element } from "../../common/dom";
 
 const SWIPE = 24;
 

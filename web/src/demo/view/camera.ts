@@ -67,6 +67,17 @@ export class Viewpoint {
     this.#flight = { begin: atOnce ? -Infinity : now, start, end };
   }
 
+  // Position, then what is looked at.
+  stand(): number[] {
+    return [...this.camera.position.toArray(), ...this.controls.target.toArray()];
+  }
+
+  standAt(numbers: number[]): void {
+    this.#flight = null;
+    this.camera.position.fromArray(numbers);
+    this.controls.target.fromArray(numbers, 3);
+  }
+
   // True while it is still moving.
   update(now: number): boolean {
     if (this.#flight) {

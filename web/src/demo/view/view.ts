@@ -16,6 +16,8 @@ export interface ViewEvents {
   place(pose: PlanarPose): void;
   // The graphics were lost (false) or came back (true).
   graphics(works: boolean): void;
+  // The viewer stands or looks elsewhere.
+  moved(stand: number[]): void;
 }
 
 export class View {
@@ -118,6 +120,22 @@ export class View {
     this.#wake();
   }
 
+  // Where the viewer stands and looks.
+  stand(): number[] {
+    return this.#viewpoint.stand();
+  }
+
+  standAt(numbers: number[]): void {
+    this.#viewpoint.standAt(numbers);
+    this.#wake();
+  }
+
+  // What is shown, as a picture.
+  picture(): Promise<Blob | null> {
+    this.#draw(performance.now());
+    return new Promise((resolve) => this.#canvas.toBlob(resolve, "image/png"));
+  }
+
   #makeDraggable({ workspace }: Ready): void {
     dragObject(this.#canvas, workspace, {
       camera: this.#viewpoint.camera,
@@ -169,6 +187,7 @@ export class View {
   #draw(now: number): void {
     const isMoving = this.#motion.apply([...this.#robot, this.#thing.group], now);
     const isTurning = this.#viewpoint.update(now);
+    this.#events.moved(this.#viewpoint.stand());
     this.#sensor?.show(this.#showsSensor, this.#viewpoint.camera.position);
     this.#renderer.render(this.#scene, this.#viewpoint.camera);
     this.#canvas.dataset["drawn"] = String(this.#robot.length);

@@ -1,0 +1,227 @@
+// The jobs page: from a form to a policy that is tried in the demo, with a server that comes and goes.
+
+import assert from "node:assert/strict";
+import { mkdtempSync, rmSync } from "node:fs";
+import { tmpdir } from "node:os";
+import { join } from "node:path";
+import { after, before, test } from "node:test";
+import { barriers, blank, open, PHONE, screenshot, serve } from "./chromium.js";
+
+let served;
+let folder;
+before(async () => {
+  folder = mkdtempSync(join(tmpdir(), "ngf-"));
+  served = await open({ data: join(folder, "data") });
+});
+after(async () => {
+  await served?.close();
+  rmSync(folder, { recursive: true, force: true });
+});
+
+const api = async (path, body) => {
+  const answer = await fetch(`${served.address}/api/v1/${path}`, body && { method: "POST", body: JSON.stringify(body) });
+  assert.ok(answer.ok, `${path}: ${answer.status}`);
+  return answer.json();
+};
+
+async function visitJobs(route = "", options = {}) {
+  const { page, complaints } = await blank(served, options);
+  await page.goto(`${served.address}/jobs/${route}`);
+  return { page, complaints };
+}
+
+const stands = (page, status) => page.waitForSelector(`.detail-job .chip.is-${status}`);
+
+// A job that is over.
+async function made(kind, params, name) {
+  const { id } = await api("jobs", { kind, params, name });
+  for (;;) {
+    const job = await api(`jobs/${id}?wait=30s`);
+    if (["succeeded", "failed", "cancelled"].includes(job.status)) {
+      assert.equal(job.status, "succeeded", JSON.stringify(job.error));
+      return job;
+    }
+  }
+}
+
+test("a dataset is asked for with the form, watched, and one of its demonstrations played", async () => {
+  const { page, complaints } = await visitJobs();
+  await page.click("text=New job");
+  await page.selectOption("[data-param=preset] select", "smoke");
+  await page.fill("[data-param=seed] input", "-1");
+  // What the server refuses is marked where it stands.
+  await page.waitForSelector("[data-param=seed] [aria-invalid=true]");
+  await page.waitForSelector(".new-job .failure");
+  await page.fill("[data-param=seed] input", "5");
+  await page.waitForSelector(".new-job .failure", { state: "detached" });
+  await page.waitForFunction(() => /It takes about/.test(document.querySelector(".estimate").textContent));
+  await page.fill(".line:has-text('Name') >> nth=0 >> input", "Asked for by hand");
+  await screenshot(page, "jobs-new");
+  await page.click("button:has-text('Begin')");
+  await stands(page, "succeeded");
+  assert.equal(await page.textContent("h1"), "Asked for by hand");
+  assert.match(await page.textContent(".row a"), /Asked for by hand.*succeeded/);
+  await page.waitForFunction(() => document.querySelector(".log").textContent.includes("sugar"));
+  await page.click("a:has-text('ds_')");
+  await page.waitForSelector("td:has-text('Sugar box')");
+  await screenshot(page, "jobs-dataset");
+  const [demo] = await Promise.all([page.context().waitForEvent("page"), page.click("a:has-text('Play')")]);
+  await demo.waitForFunction(() => /^Demonstration: episode 0, sugar box/.test(document.getElementById("hash").textContent));
+  await demo.close();
+  // A refusal is an answer, and the browser's own list of them is no complaint.
+  assert.deepEqual(complaints.filter((text) => !text.includes("422")), []);
+  await page.close();
+});
+
+test("a training is watched, stopped, gone on with, compared, and tried in the demo while it runs", async () => {
+  const { outputs } = await made("dataset.generate", { preset: "smoke" });
+  const { dataset_id } = outputs;
+  const encoder = await made("encoder.train", { dataset_id, steps: 20, checkpoint: 10 }, "First encoder");
+  const other = await made("encoder.train", { dataset_id, steps: 20, checkpoint: 10, rate: 0.01 }, "Other encoder");
+  const params = { dataset_id, encoder_id: encoder.outputs.model_id, steps: 100_000, batch: 8, checkpoint: 100 };
+  const { id } = await api("jobs", { kind: "policy.train", params, name: "A long one" });
+
+  const { page, complaints } = await visitJobs(`#jobs/${id}`);
+  await stands(page, "running");
+  await page.waitForSelector(".chart canvas");
+  await page.waitForSelector("a:has-text('Try in demo')");
+  const [demo] = await Promise.all([
+    page.context().waitForEvent("page"),
+    page.click("a:has-text('Try in demo')"),
+  ]);
+  await demo.waitForFunction(() => /Policy "mdl_\w+" acts/.test(document.getElementById("model").textContent));
+  await demo.close();
+  await screenshot(page, "jobs-training");
+  await page.click("button:has-text('Pause')");
+  await stands(page, "paused");
+  await page.click("button:has-text('Resume')");
+  await stands(page, "running");
+  await page.click("button:has-text('Stop')");
+  await stands(page, "cancelled");
+
+  await page.check("[aria-label='Compare First encoder']");
+  await page.check("[aria-label='Compare Other encoder']");
+  await page.waitForSelector("h1:has-text('Comparison')");
+  assert.match(await page.textContent(".detail table"), /rate.*0\.01/);
+  await page.waitForSelector(".chart canvas");
+  await screenshot(page, "jobs-comparison");
+
+  await page.goto(`${served.address}/jobs/#jobs/${other.id}`);
+  await page.click("button:has-text('Delete')");
+  await page.click("button:has-text('Undo')");
+  assert.equal((await api(`jobs/${other.id}`)).id, other.id);
+  await page.click("button:has-text('Delete')");
+  await page.waitForFunction((id) => !document.querySelector(`[data-id=${id}]`), other.id);
+  assert.equal((await fetch(`${served.address}/api/v1/jobs/${other.id}`)).status, 404);
+  assert.deepEqual(complaints, []);
+  await page.close();
+});
+
+test("an evaluation shows its table, and the model knows of it", async () => {
+  const params = { model_id: "default", object: "sugar_box", attempts: 2 };
+  const { id } = await made("policy.evaluate", params, "Two attempts");
+  const { page, complaints } = await visitJobs(`#jobs/${id}`);
+  await page.waitForSelector("td:has-text('of 2')");
+  await page.click("a:has-text('default')");
+  await page.waitForSelector("td:has-text('of 2')");
+  await screenshot(page, "jobs-model");
+  assert.deepEqual(complaints, []);
+  await page.close();
+});
+
+test("a mesh is uploaded, evaluated on by a link, tried in the demo, and deleted", async () => {
+  const { page, complaints } = await visitJobs("#meshes");
+  const cube = ["v 0 0 0", "v 8 0 0", "v 8 8 0", "v 0 8 0", "v 0 0 8", "v 8 0 8", "v 8 8 8", "v 0 8 8"];
+  const faces = ["1 4 3 2", "5 6 7 8", "1 2 6 5", "2 3 7 6", "3 4 8 7", "4 1 5 8"].map((face) => `f ${face}`);
+  const buffer = Buffer.from([...cube, ...faces].join("\n"));
+  await page.setInputFiles("input[type=file]", { name: "cube.obj", mimeType: "model/obj", buffer });
+  await page.waitForSelector("td:has-text('8.0 × 8.0 × 8.0 cm')");
+  const [demo] = await Promise.all([page.context().waitForEvent("page"), page.click("a:has-text('Try in demo')")]);
+  await demo.waitForSelector("#objects [value='file:cube.obj']:checked");
+  await demo.close();
+  await page.setInputFiles("input[type=file]", { name: "bad.obj", mimeType: "model/obj", buffer: Buffer.from("v 1") });
+  await page.waitForSelector(".failure");
+  await page.click("button:has-text('Delete')");
+  await page.waitForSelector("text=None yet.");
+  assert.deepEqual(complaints.filter((text) => !text.includes("422")), []);
+  await page.close();
+});
+
+test("a server that is killed and comes back is noticed, and nothing is missing then", async () => {
+  const { id } = await api("jobs", { kind: "dataset.generate", params: { preset: "smoke", seed: 77 } });
+  const { page } = await visitJobs(`#jobs/${id}`);
+  await page.waitForSelector("[data-state=live]");
+  served.server.kill("SIGKILL");
+  await page.waitForSelector("[data-state=lost]");
+  const port = new URL(served.address).port;
+  const again = await serve({ port, data: join(folder, "data") });
+  served.server = again.server;
+  const { close } = served;
+  served.close = async () => (await close(), again.server.kill());
+  await page.waitForSelector("[data-state=live]");
+  await stands(page, "succeeded");
+  await page.close();
+});
+
+test("a thousand jobs scroll", async () => {
+  const ids = [];
+  for (let k = 0; k < 1000; k++) {
+    // The hundred that may wait are soon full of what nobody wants.
+    const { id } = await api("jobs", { kind: "policy.evaluate", params: { model_id: "planner", object: "sugar_box" } });
+    await api(`jobs/${id}/cancel`, {});
+    ids.push(id);
+  }
+  const { page } = await visitJobs();
+  const oldest = `[data-id=${ids[0]}]`;
+  for (let k = 0; k < 30 && !(await page.$(oldest)); k++) {
+    await page.evaluate(() => document.getElementById("rail").scrollTo(0, 1e9));
+    await page.waitForTimeout(200);
+  }
+  await page.waitForSelector(oldest);
+  const began = Date.now();
+  await page.click(`${oldest} a`);
+  await stands(page, "cancelled");
+  assert.ok(Date.now() - began < 3000, `${Date.now() - began} ms`);
+  await page.close();
+});
+
+for (const colorScheme of ["light", "dark"]) {
+  test(`nothing bars anybody from the pages, ${colorScheme}`, async () => {
+    const { data } = await api("jobs?limit=1&kind=policy.train");
+    for (const [name, path, there] of [
+      ["demo", "/", "#grasp:enabled"],
+      ["job", `/jobs/#jobs/${data[0].id}`, ".log"],
+      ["new-job", "/jobs/#new", "[data-param=preset]"],
+      ["models", "/jobs/#models", "td"],
+      ["api", "/docs/", ".request"],
+    ]) {
+      const { page, complaints } = await blank(served, { colorScheme });
+      await page.goto(served.address + path);
+      await page.waitForSelector(there);
+      assert.deepEqual(await barriers(page), [], name);
+      assert.deepEqual(complaints, [], name);
+      await screenshot(page, `${name}-${colorScheme}`);
+      await page.setViewportSize(PHONE);
+      await screenshot(page, `${name}-${colorScheme}-phone`);
+      const overflow = await page.evaluate(() => document.documentElement.scrollWidth - innerWidth);
+      assert.ok(overflow <= 0, `${name} is ${overflow} pixels too wide for a phone`);
+      await page.close();
+    }
+  });
+}
+
+test("the page of the API has every request, and tries it", async () => {
+  const description = await (await fetch(`${served.address}/openapi.json`)).json();
+  const { page, complaints } = await blank(served);
+  await page.goto(`${served.address}/docs/`);
+  await page.waitForSelector(".request");
+  const told = await page.$$eval(".request h3 code", (codes) => codes.map((code) => code.textContent));
+  assert.deepEqual(new Set(told), new Set(Object.keys(description.paths)));
+  const models = page.locator("[aria-label='get /api/v1/models']");
+  assert.match(await models.locator(".shell code").textContent(), /^curl -fsS http.*\/api\/v1\/models$/);
+  await models.locator("button:has-text('Try it')").click();
+  await page.waitForFunction(() => /200[^]*"default"/.test(document.querySelector("[aria-label='get /api/v1/models'] .answer").textContent));
+  await screenshot(page, "api");
+  assert.deepEqual(complaints, []);
+  await page.close();
+});

@@ -1,0 +1,138 @@
+// An attempt looked at again, in numbers, in a row with others, and by whoever gets a link to it.
+
+import assert from "node:assert/strict";
+import { execFileSync } from "node:child_process";
+import { readFileSync } from "node:fs";
+import { after, before, test } from "node:test";
+import { blank, open, program, root, screenshot, untilReady, visit } from "./chromium.js";
+
+let served;
+before(async () => (served = await open()));
+after(() => served?.close());
+
+// The verdict of the attempt of a seed, as fast as it goes.
+async function grasp(page, seed) {
+  await page.fill("#seed", String(seed));
+  await page.press("#seed", "Enter");
+  await page.selectOption("#speed", "4");
+  await page.evaluate(() => (document.getElementById("hash").title = ""));
+  await page.click("#grasp");
+  await page.waitForFunction(() => document.getElementById("hash").title !== "");
+  return { words: await page.textContent("#headline"), hash: await page.getAttribute("#hash", "title") };
+}
+
+test("the slider shows any moment again, and playing goes on from there", async () => {
+  const { page, complaints } = await visit(served);
+  await untilReady(page);
+  await grasp(page, 0);
+  const last = Number(await page.inputValue("#timeline"));
+  assert.ok(last > 60 && last === Number(await page.getAttribute("#timeline", "max")));
+  await page.click("#phases [data-phase=policy] button");
+  await page.waitForSelector("[data-phase=policy].is-now");
+  const policy = Number(await page.inputValue("#timeline"));
+  await page.click("#back");
+  await page.waitForSelector("[data-phase=approach].is-now");
+  assert.equal(Number(await page.inputValue("#timeline")), policy - 1);
+  await page.click("#step");
+  await page.waitForSelector("[data-phase=policy].is-now");
+  await page.click("#pause");
+  await page.waitForSelector("[data-phase=verdict].is-now");
+  assert.equal(await page.textContent("#tally"), "1 of 1 lifted", "looking again counts nothing");
+  assert.deepEqual(complaints, []);
+  await page.close();
+});
+
+test("what goes on inside is shown for every joint and over time", async () => {
+  const { page } = await visit(served);
+  await untilReady(page);
+  await page.click("#inside summary");
+  await grasp(page, 0);
+  assert.equal(await page.locator(".joint").count(), 23);
+  const points = await page.$$eval("#plots polyline", (lines) => lines.map((line) => line.getAttribute("points").split(" ").length));
+  assert.ok(points.every((count) => count > 30), String(points));
+  await page.locator("#inside").scrollIntoViewIfNeeded();
+  await screenshot(page, "inside");
+  await page.close();
+});
+
+test("twenty attempts in a row are counted, and end as one by one", async () => {
+  const { page } = await visit(served);
+  await untilReady(page);
+  await page.fill("#seed", "100");
+  await page.press("#seed", "Enter");
+  await page.click("#batch-run");
+  await page.waitForFunction(() => document.getElementById("batch-run").textContent === "Run" && document.getElementById("batch-words").textContent.includes("of 20"));
+  const [download] = await Promise.all([page.waitForEvent("download"), page.click("#batch-csv")]);
+  const rows = readFileSync(await download.path(), "utf8").trim().split("\n").slice(1);
+  assert.equal(rows.length, 20);
+  const [seed, , , , lifted] = rows[3].split(",");
+  const { words, hash } = await grasp(page, Number(seed));
+  assert.ok(rows[3].endsWith(hash), `${rows[3]} and ${hash}`);
+  assert.equal(words === "Lifted and held.", lifted === "true");
+  assert.match(await page.textContent("#tally"), /of 20 lifted/, "the same attempt counts once");
+  // Another row can be stopped.
+  await page.selectOption("#batch-count", "100");
+  await page.click("#batch-run");
+  await page.waitForFunction(() => /of/.test(document.getElementById("batch-words").textContent));
+  await page.click("#batch-run");
+  await page.waitForFunction(() => document.getElementById("batch-run").textContent === "Run");
+  await screenshot(page, "batch");
+  await page.close();
+});
+
+test("whoever gets the link sees the same, here and on the command line", async () => {
+  const context = await served.browser.newContext({ permissions: ["clipboard-read", "clipboard-write"], reducedMotion: "reduce" });
+  const page = await context.newPage();
+  await page.goto(served.address);
+  await untilReady(page);
+  const { words, hash } = await grasp(page, 5);
+  await page.click("#copy-link");
+  await page.waitForFunction(() => document.getElementById("share-hint").textContent === "Copied.");
+  const link = await page.evaluate(() => navigator.clipboard.readText());
+  await context.close();
+
+  const { page: other, complaints } = await blank(served);
+  await other.goto(link);
+  await other.waitForFunction(() => document.getElementById("hash").textContent.endsWith("as in the link"));
+  assert.equal(await other.getAttribute("#hash", "title"), hash);
+  assert.equal(await other.textContent("#headline"), words);
+  assert.deepEqual(complaints, []);
+  await other.close();
+
+  const told = execFileSync(program, ["replay", link], { cwd: root, encoding: "utf8" }).trim().split("\n");
+  assert.deepEqual(told, [words, hash]);
+  const damaged = await blank(served);
+  await damaged.page.goto(link.replace(/&h=.*/, ""));
+  await damaged.page.waitForSelector("[data-code=link_damaged]");
+  await damaged.page.close();
+});
+
+test("a link about a file asks for it, and takes no other", async () => {
+  const cube = (side) => {
+    const corners = [0, 1, 2, 3, 4, 5, 6, 7].map((k) => `v ${[k & 1, (k >> 1) & 1, (k >> 2) & 1].map((bit) => bit * side).join(" ")}`);
+    const faces = ["1 3 4 2", "5 6 8 7", "1 2 6 5", "3 7 8 4", "1 5 7 3", "2 4 8 6"].map((face) => `f ${face}`);
+    return { name: "cube.obj", mimeType: "model/obj", buffer: Buffer.from([...corners, ...faces].join("\n")) };
+  };
+  const context = await served.browser.newContext({ permissions: ["clipboard-read", "clipboard-write"], reducedMotion: "reduce" });
+  const page = await context.newPage();
+  await page.goto(served.address);
+  await untilReady(page);
+  await page.setInputFiles("#file", cube(0.06));
+  await page.waitForSelector("#objects [value='file:cube.obj']:checked");
+  const { hash } = await grasp(page, 1);
+  await page.click("#copy-link");
+  await page.waitForFunction(() => document.getElementById("share-hint").textContent.startsWith("Copied"));
+  const link = await page.evaluate(() => navigator.clipboard.readText());
+  await context.close();
+  const { page: other } = await blank(served);
+  await other.goto(link);
+  await other.waitForSelector("[data-code=link_needs_file]");
+  await untilReady(other);
+  await other.setInputFiles("#file", cube(0.07));
+  await other.waitForSelector("[data-code=link_other_object]");
+  await other.setInputFiles("#file", cube(0.06));
+  await other.waitForFunction(() => document.getElementById("hash").textContent.endsWith("as in the link"));
+  assert.equal(await other.getAttribute("#hash", "title"), hash);
+  assert.equal(await other.locator(".failure").count(), 0);
+  await other.close();
+});

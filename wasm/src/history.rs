@@ -1,0 +1,121 @@
+//! What an attempt looked like, tick by tick, to be looked at again.
+//!
+//! In: one picture a tick. Out: the picture that is to be shown: the last one, or an earlier one that was asked for.
+
+use crate::protocol::Phase;
+
+/// How things stood after a tick.
+#[derive(Clone, Debug)]
+pub(crate) struct Picture {
+    /// Seven numbers a body.
+    pub(crate) poses: Vec<f32>,
+    /// Commanded joint positions (rad).
+    pub(crate) joints: Vec<f32>,
+    pub(crate) phase: Phase,
+    pub(crate) terms: Option<Terms>,
+}
+
+/// What a fabric keeps, and what the joints have left.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub(crate) struct Terms {
+    /// ½ q̇ᵀq̇ (rad²/s²).
+    pub(crate) energy: f64,
+    /// Distance of the joint nearest to a limit from it (rad).
+    pub(crate) margin: f64,
+    /// λ_max(B) + β (1/s), where a policy acts.
+    pub(crate) damping: Option<f64>,
+}
+
+/// The pictures of one attempt.
+#[derive(Debug, Default)]
+pub(crate) struct History {
+    pictures: Vec<Picture>,
+    /// Which one is looked at, unless it is the last.
+    at: Option<usize>,
+}
+
+impl History {
+    pub(crate) fn clear(&mut self) {
+        *self = Self::default();
+    }
+
+    pub(crate) fn push(&mut self, picture: Picture) {
+        self.pictures.push(picture);
+    }
+
+    /// Looks at the picture of this tick; beyond the last one, at that.
+    pub(crate) fn seek(&mut self, tick: usize) {
+        self.at = Some(tick).filter(|tick| tick + 1 < self.pictures.len());
+    }
+
+    /// Whether an earlier picture is looked at.
+    pub(crate) fn is_behind(&self) -> bool {
+        self.at.is_some()
+    }
+
+    /// Goes on by a tick.
+    pub(crate) fn advance(&mut self) {
+        self.seek(self.tick() + 1);
+    }
+
+    /// The tick that is looked at.
+    pub(crate) fn tick(&self) -> usize {
+        self.at.unwrap_or(self.last())
+    }
+
+    /// The last tick.
+    pub(crate) fn last(&self) -> usize {
+        self.pictures.len().saturating_sub(1)
+    }
+
+    /// What is to be shown.
+    pub(crate) fn shown(&self) -> Option<&Picture> {
+        self.pictures.get(self.tick())
+    }
+
+    /// The first tick of each phase so far, in their order.
+    pub(crate) fn marks(&self) -> Vec<usize> {
+        let mut marks = Vec::new();
+        let mut before = None;
+        for (tick, picture) in self.pictures.iter().enumerate() {
+            if before != Some(picture.phase) {
+                marks.push(tick);
+                before = Some(picture.phase);
+            }
+        }
+        marks
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use wasm_bindgen_test::wasm_bindgen_test as test;
+
+    fn picture(phase: Phase) -> Picture {
+        Picture { poses: Vec::new(), joints: Vec::new(), phase, terms: None }
+    }
+
+    #[test]
+    fn an_earlier_picture_is_shown_and_played_to_the_last() {
+        let mut history = History::default();
+        assert!(history.shown().is_none() && !history.is_behind());
+        for phase in [Phase::Approach, Phase::Approach, Phase::Policy, Phase::Lift] {
+            history.push(picture(phase));
+        }
+        assert_eq!((history.tick(), history.last(), history.marks()), (3, 3, vec![0, 2, 3]));
+        history.seek(1);
+        assert!(history.is_behind() && history.shown().unwrap().phase == Phase::Approach);
+        // What comes meanwhile moves nothing.
+        history.push(picture(Phase::Lift));
+        assert_eq!((history.tick(), history.last()), (1, 4));
+        for tick in 2..4 {
+            history.advance();
+            assert_eq!((history.tick(), history.is_behind()), (tick, true));
+        }
+        history.advance();
+        assert!(!history.is_behind() && history.tick() == 4);
+        history.seek(99);
+        assert!(!history.is_behind());
+    }
+}

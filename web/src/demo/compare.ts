@@ -1,0 +1,104 @@
+// A second policy beside the first: the same object, pose and seed in a worker and a picture of its own.
+
+import { element, h } from "../common/dom";
+import { Engine, useModel } from "./engine";
+import type { FromWorker, ToWorker, Verdict } from "./protocol";
+import { View } from "./view/view";
+
+export interface ComparisonEvents {
+  // What a worker must be told to stand where the first one does.
+  now(): ToWorker[];
+  tell(failure: Extract<FromWorker, { kind: "failure" }>): void;
+}
+
+// What the second worker is not asked for.
+const ALONE = new Set<ToWorker["kind"]>(["model", "batch", "cancel", "export", "watch"]);
+
+export class Comparison {
+  readonly #events: ComparisonEvents;
+  readonly #choice = element("compare", HTMLSelectElement);
+  readonly #names = [element("who-1", HTMLElement), element("who-2", HTMLElement)] as const;
+  #engine: Engine | null = null;
+  #view: View | null = null;
+  #first = "";
+
+  constructor(events: ComparisonEvents) {
+    this.#events = events;
+    this.#choice.addEventListener("change", () => this.#start(this.#choice.value));
+    // The list is fetched when somebody wants it.
+    this.#choice.addEventListener("pointerdown", () => void this.#list(), { once: true });
+    this.#choice.addEventListener("focus", () => void this.#list(), { once: true });
+  }
+
+  // Who acts in the first picture.
+  name(id: string | null): void {
+    this.#first = id ?? "planner";
+    this.#names[0].textContent = this.#first;
+  }
+
+  // Whatever the first worker is told.
+  send(message: ToWorker): void {
+    if (ALONE.has(message.kind) || !this.#engine) return;
+    // Bytes go to one worker only.
+    const copy = message.kind === "upload" ? { ...message, bytes: message.bytes.slice(0) } : message;
+    this.#engine.send(copy);
+    if (message.kind === "grasp") this.#names[1].textContent = this.#choice.value;
+  }
+
+  // How the first one ended.
+  showVerdict({ words }: Verdict): void {
+    this.#names[0].textContent = `${this.#first}: ${words}`;
+  }
+
+  // The viewer of the first picture has moved.
+  stand(numbers: number[]): void {
+    this.#view?.standAt(numbers);
+  }
+
+  async #list(): Promise<void> {
+    const answer = await fetch("api/v1/models").catch(() => null);
+    if (!answer?.ok) return;
+    const { data } = (await answer.json()) as { data: { id: string; kind?: string }[] };
+    const known = new Set([...this.#choice.options].map(({ value }) => value));
+    for (const { id, kind } of data) {
+      if (kind !== "encoder" && !known.has(id)) this.#choice.append(h("option", { value: id }, id));
+    }
+  }
+
+  #start(id: string): void {
+    this.#engine?.stop();
+    this.#engine = null;
+    document.body.classList.toggle("is-compared", id !== "");
+    this.#names[0].textContent = this.#first;
+    this.#names[1].textContent = id;
+    if (id === "") return;
+    this.#view ??= new View(element("view-2", HTMLCanvasElement), { place: () => {}, graphics: () => {}, moved: () => {} });
+    const engine = new Engine(useModel(id), (message) => this.#receive(message));
+    this.#engine = engine;
+    for (const message of this.#events.now()) engine.send(message);
+  }
+
+  #receive(message: FromWorker): void {
+    const view = this.#view;
+    switch (message.kind) {
+      case "ready":
+        view?.show(message);
+        break;
+      case "object":
+        view?.showObject(message);
+        break;
+      case "frame":
+        view?.showFrame(message);
+        break;
+      case "cloud":
+        view?.showCloud(message.points);
+        break;
+      case "verdict":
+        this.#names[1].textContent = `${this.#choice.value}: ${message.words}`;
+        break;
+      case "failure":
+        this.#events.tell(message);
+        break;
+    }
+  }
+}

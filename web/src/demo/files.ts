@@ -1,0 +1,49 @@
+// Files as people bring them: one or several, a folder, from the clipboard.
+
+import { unzip } from "./zip";
+
+// What the worker reads: meshes, archives of them, demonstrations.
+const READABLE = /\.(obj|stl|ply|glb|json|zip)$/i;
+const ARCHIVE = /\.zip$/i;
+// A folder may hold more than anybody wants to look through.
+const MOST = 50;
+
+// All files of a drop, those in folders too.
+export async function dropped(transfer: DataTransfer | null): Promise<File[]> {
+  const entries = [...(transfer?.items ?? [])].map((item) => item.webkitGetAsEntry());
+  const files: File[] = [];
+  for (const entry of entries) if (entry) await collect(entry, files);
+  return files;
+}
+
+async function collect(entry: FileSystemEntry, files: File[]): Promise<void> {
+  if (files.length >= MOST) return;
+  if (entry.isFile) {
+    const file = await new Promise<File>((resolve, reject) => (entry as FileSystemFileEntry).file(resolve, reject));
+    files.push(file);
+    return;
+  }
+  const reader = (entry as FileSystemDirectoryEntry).createReader();
+  // A folder is read in parts, until one is empty.
+  for (;;) {
+    const part = await new Promise<FileSystemEntry[]>((resolve, reject) => reader.readEntries(resolve, reject));
+    if (part.length === 0) return;
+    for (const inner of part) await collect(inner, files);
+  }
+}
+
+// Those that can be read, out of archives too; if there is none, the first, so that somebody hears why not.
+export async function readable(files: Iterable<File>): Promise<File[]> {
+  const all = [...files];
+  const known = all.filter(({ name }) => READABLE.test(name));
+  const found = await Promise.all(known.map(async (file) => (ARCHIVE.test(file.name) ? opened(file) : [file])));
+  return known.length > 0 ? found.flat() : all.slice(0, 1);
+}
+
+async function opened(archive: File): Promise<File[]> {
+  const files = await unzip(archive, (name) => READABLE.test(name) && !ARCHIVE.test(name)).catch((error: unknown) => {
+    throw new Error(`${archive.name} cannot be opened: ${error instanceof Error ? error.message : String(error)}`);
+  });
+  if (files.length === 0) throw new Error(`${archive.name} holds no OBJ, STL, PLY or GLB file`);
+  return files;
+}

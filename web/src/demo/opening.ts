@@ -1,0 +1,57 @@
+// The first minute: a recording plays at once, then the policy shows itself. Whoever does anything ends that.
+
+import recording from "./recording.json?url";
+import type { Verdict } from "./protocol";
+
+// Between the verdict of the recording and the first attempt (ms).
+const PAUSE = 1500;
+
+export interface OpeningEvents {
+  play(file: File): void;
+  grasp(): void;
+}
+
+export class Opening {
+  readonly #events: OpeningEvents;
+  #isOn: boolean;
+  #hasModel = false;
+  #isOver = false;
+
+  constructor(isWanted: boolean, events: OpeningEvents) {
+    this.#isOn = isWanted;
+    this.#events = events;
+  }
+
+  async ready(): Promise<void> {
+    if (!this.#isOn) return;
+    const answer = await fetch(recording).catch(() => null);
+    if (!this.#isOn || this.#isOver) return;
+    if (answer?.ok) this.#events.play(new File([await answer.blob()], "recording.json"));
+    else this.#end();
+  }
+
+  hasModel(): void {
+    this.#hasModel = true;
+    this.#go();
+  }
+
+  showVerdict({ played }: Verdict): void {
+    if (played !== null && this.#isOn) setTimeout(() => this.#end(), PAUSE);
+  }
+
+  // Somebody has taken over.
+  stop(): void {
+    this.#isOn = false;
+  }
+
+  #end(): void {
+    this.#isOver = true;
+    this.#go();
+  }
+
+  #go(): void {
+    if (!this.#isOn || !this.#hasModel || !this.#isOver) return;
+    this.#isOn = false;
+    this.#events.grasp();
+  }
+}

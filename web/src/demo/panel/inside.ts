@@ -1,0 +1,97 @@
+// What goes on inside: where every joint stands between its limits, and what the fabric keeps.
+
+import { element, h } from "../../common/dom";
+import type { Frame, Joint, Terms, ToWorker } from "../protocol";
+
+// In the order of Ready: the arm, then finger by finger.
+const GROUPS: [string, number][] = [
+  ["Arm", 7],
+  ["Index", 4],
+  ["Middle", 4],
+  ["Ring", 4],
+  ["Thumb", 4],
+];
+// Nearer to a limit than this share of the way is worth seeing.
+const NEAR = 0.03;
+
+const PLOTS: { key: keyof Terms; name: string; unit: string }[] = [
+  { key: "energy", name: "Energy ½ q̇ᵀq̇", unit: "rad²/s²" },
+  { key: "damping", name: "Damping λmax(B) + β", unit: "1/s" },
+  { key: "margin", name: "Nearest limit", unit: "rad" },
+];
+
+export class InsidePanel {
+  readonly #box = element("inside", HTMLDetailsElement);
+  readonly #marks: HTMLElement[] = [];
+  readonly #joints: Joint[] = [];
+  readonly #plots = new Map<keyof Terms, { line: SVGPolylineElement; value: HTMLElement }>();
+  #course: (Terms | null)[] = [];
+
+  constructor(send: (message: ToWorker) => void) {
+    this.#box.addEventListener("toggle", () => send({ kind: "watch", on: this.#box.open }));
+    const plots = element("plots", HTMLElement);
+    for (const { key, name, unit } of PLOTS) {
+      const line = document.createElementNS("http://www.w3.org/2000/svg", "polyline");
+      const svg = document.createElementNS("http://www.w3.org/2000/svg", "svg");
+      svg.setAttribute("viewBox", "0 0 100 30");
+      svg.setAttribute("preserveAspectRatio", "none");
+      svg.setAttribute("aria-hidden", "true");
+      svg.append(line);
+      const value = h("span", { class: "is-number" });
+      plots.append(h("figure", {}, h("figcaption", {}, name, " ", value, ` ${unit}`), svg));
+      this.#plots.set(key, { line, value });
+    }
+  }
+
+  get isOpen(): boolean {
+    return this.#box.open;
+  }
+
+  limit(joints: Joint[]): void {
+    this.#joints.splice(0, Infinity, ...joints);
+    this.#marks.length = 0;
+    const list = element("joints", HTMLElement);
+    list.replaceChildren();
+    let first = 0;
+    for (const [name, count] of GROUPS) {
+      const bars = joints.slice(first, first + count).map((joint) => this.#bar(joint));
+      list.append(h("div", { class: "joint-group" }, h("span", {}, name), h("div", {}, ...bars)));
+      first += count;
+    }
+  }
+
+  #bar({ name, lower, upper }: Joint): HTMLElement {
+    const mark = h("i");
+    this.#marks.push(mark);
+    return h("div", { class: "joint", title: `${name}: ${lower.toFixed(2)} to ${upper.toFixed(2)} rad` }, mark);
+  }
+
+  show({ joints, terms, tick, ticks }: Frame): void {
+    if (!this.#box.open) return;
+    joints.forEach((q, i) => {
+      const { lower, upper } = this.#joints[i]!;
+      const share = (q - lower) / (upper - lower);
+      const mark = this.#marks[i]!;
+      mark.style.left = `${100 * Math.min(1, Math.max(0, share))}%`;
+      mark.classList.toggle("is-near", share < NEAR || share > 1 - NEAR);
+    });
+    if (ticks + 1 < this.#course.length) this.#course.length = 0;
+    this.#course[tick] = terms;
+    for (const [key, { line, value }] of this.#plots) {
+      const now = terms?.[key];
+      value.textContent = typeof now === "number" ? now.toPrecision(3) : "–";
+      line.setAttribute("points", points(this.#course, key, ticks));
+    }
+  }
+}
+
+// From the first tick to the last, the greatest value at the top.
+function points(course: (Terms | null)[], key: keyof Terms, ticks: number): string {
+  const known: [number, number][] = [];
+  course.forEach((terms, tick) => {
+    const value = terms?.[key];
+    if (typeof value === "number" && Number.isFinite(value)) known.push([tick, value]);
+  });
+  const most = Math.max(1e-9, ...known.map(([, value]) => value));
+  return known.map(([tick, value]) => `${((100 * tick) / Math.max(1, ticks)).toFixed(2)},${(29 - (28 * value) / most).toFixed(2)}`).join(" ");
+}

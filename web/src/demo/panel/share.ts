@@ -1,0 +1,146 @@
+// Links to an attempt, and files of it: picture, film, episode.
+
+import { element } from "../../common/dom";
+import type { Frame, Model, ObjectLoaded, Ready, Told, Verdict } from "../protocol";
+import { save } from "../save";
+import { linkOf, type Shared } from "../share";
+
+export interface ShareEvents {
+  // Where the viewer stands and looks.
+  view(): number[];
+  picture(): Promise<Blob | null>;
+  canvas(): HTMLCanvasElement;
+  episode(): void;
+  // What was said of the file that stands there.
+  told(): Told | null;
+  // The file that stands there, if it is one.
+  file(): File | null;
+}
+
+const HINT = "The link brings others to this attempt; it ends the same there.";
+
+export class SharePanel {
+  readonly #events: ShareEvents;
+  readonly #link = element("copy-link", HTMLButtonElement);
+  readonly #film = element("save-webm", HTMLButtonElement);
+  readonly #episode = element("save-json", HTMLButtonElement);
+  readonly #store = element("store", HTMLButtonElement);
+  readonly #hint = element("share-hint", HTMLElement);
+  // Id of the object's file on the server.
+  #mesh: string | null = null;
+  #scene = "";
+  #object: ObjectLoaded | null = null;
+  #model: Model | null = null;
+  #frame: Frame | null = null;
+  #verdict: Verdict | null = null;
+  #recorder: MediaRecorder | null = null;
+
+  constructor(events: ShareEvents) {
+    this.#events = events;
+    this.#link.addEventListener("click", () => void this.copy());
+    element("save-png", HTMLButtonElement).addEventListener("click", () => void this.#savePicture());
+    this.#film.addEventListener("click", () => this.#record());
+    this.#film.hidden = !("MediaRecorder" in window);
+    this.#episode.addEventListener("click", () => events.episode());
+    this.#store.addEventListener("click", () => void this.#keep());
+  }
+
+  ready({ scene }: Ready): void {
+    this.#scene = scene;
+  }
+
+  hasObject(object: ObjectLoaded): void {
+    [this.#object, this.#verdict, this.#mesh] = [object, null, null];
+    this.#enable();
+  }
+
+  hasModel(model: Model): void {
+    [this.#model, this.#verdict] = [model, null];
+    this.#enable();
+  }
+
+  show(frame: Frame): void {
+    this.#frame = frame;
+    // Another attempt has begun.
+    if (this.#verdict && frame.ticks === 0) [this.#verdict, this.#hint.textContent] = [null, HINT];
+    this.#enable();
+  }
+
+  showVerdict(verdict: Verdict): void {
+    this.#verdict = verdict;
+    this.#enable();
+  }
+
+  #enable(): void {
+    // A demonstration is a file of its own, and what the planner does depends on more than a link can say.
+    this.#link.disabled = !this.#verdict || this.#verdict.played !== null || this.#model?.id == null;
+    this.#episode.disabled = !this.#verdict;
+  }
+
+  async copy(): Promise<void> {
+    const [object, model, verdict, frame] = [this.#object, this.#model, this.#verdict, this.#frame];
+    if (this.#link.disabled || !object || !model?.id || !verdict || !frame) return;
+    const shared: Shared = {
+      object: object.name ?? object.label,
+      objectHash: object.hash,
+      told: this.#events.told(),
+      mesh: this.#mesh,
+      pose: verdict.pose,
+      placed: verdict.placed,
+      seed: verdict.seed,
+      model: model.id,
+      modelHash: model.hash,
+      scene: this.#scene,
+      view: this.#events.view(),
+      tick: frame.tick < frame.ticks ? frame.tick : null,
+      end: verdict.hash,
+    };
+    const link = linkOf(shared);
+    const needsFile = object.name === null && this.#mesh === null;
+    this.#store.hidden = !needsFile;
+    try {
+      await navigator.clipboard.writeText(link);
+      this.#hint.textContent = needsFile ? "Copied. Others need the file of the object, too." : "Copied.";
+    } catch {
+      this.#hint.textContent = link;
+    }
+  }
+
+  // Stores the file on the server, on purpose, so that the link suffices.
+  async #keep(): Promise<void> {
+    const file = this.#events.file();
+    if (!file) return;
+    const url = `api/v1/meshes?name=${encodeURIComponent(file.name)}`;
+    const answer = await fetch(url, { method: "POST", body: file }).catch(() => null);
+    if (!answer?.ok) {
+      this.#hint.textContent = "This server does not keep files.";
+      return;
+    }
+    this.#mesh = ((await answer.json()) as { id: string }).id;
+    await this.copy();
+  }
+
+  async #savePicture(): Promise<void> {
+    const picture = await this.#events.picture();
+    if (picture) save("ngf-grasp.png", picture);
+  }
+
+  // Records what is shown until it is pressed again.
+  #record(): void {
+    if (this.#recorder) {
+      this.#recorder.stop();
+      return;
+    }
+    const parts: Blob[] = [];
+    const recorder = new MediaRecorder(this.#events.canvas().captureStream(30), { mimeType: "video/webm" });
+    recorder.ondataavailable = ({ data }) => parts.push(data);
+    recorder.onstop = () => {
+      this.#recorder = null;
+      this.#film.textContent = "Film";
+      save("ngf-grasp.webm", new Blob(parts, { type: "video/webm" }));
+    };
+    recorder.start();
+    this.#recorder = recorder;
+    this.#film.textContent = "Stop";
+  }
+}

@@ -1,0 +1,49 @@
+// The course of an attempt: its phases, and a slider that shows any moment of it again.
+
+import { element } from "../../common/dom";
+import type { Frame, ToWorker } from "../protocol";
+
+// A control period (s).
+const TICK = 1 / 30;
+
+export class Timeline {
+  readonly #send: (message: ToWorker) => void;
+  readonly #slider = element("timeline", HTMLInputElement);
+  readonly #phases = [...element("phases", HTMLOListElement).querySelectorAll("button")];
+  #frame: Frame | null = null;
+  #isHeld = false;
+
+  constructor(send: (message: ToWorker) => void) {
+    this.#send = send;
+    this.#slider.addEventListener("input", () => this.seek(this.#slider.valueAsNumber));
+    this.#slider.addEventListener("pointerdown", () => (this.#isHeld = true));
+    addEventListener("pointerup", () => (this.#isHeld = false));
+    this.#phases.forEach((button, i) => {
+      button.addEventListener("click", () => {
+        const tick = this.#frame?.marks[i];
+        if (tick !== undefined) this.seek(tick);
+      });
+    });
+  }
+
+  seek(tick: number): void {
+    this.#send({ kind: "seek", tick: Math.max(0, tick) });
+  }
+
+  // By so many ticks.
+  go(by: number): void {
+    if (this.#frame) this.seek(Math.min(this.#frame.ticks, this.#frame.tick + by));
+  }
+
+  show(frame: Frame): void {
+    this.#frame = frame;
+    const { tick, ticks, marks } = frame;
+    this.#slider.disabled = ticks === 0;
+    this.#slider.max = String(Math.max(1, ticks));
+    if (!this.#isHeld) this.#slider.value = String(tick);
+    this.#slider.setAttribute("aria-valuetext", `${(tick * TICK).toFixed(2)} of ${(ticks * TICK).toFixed(2)} seconds`);
+    element("clock", HTMLElement).textContent = ticks > 0 ? `${(tick * TICK).toFixed(1)} s` : "";
+    this.#phases.forEach((button, i) => (button.disabled = marks[i] === undefined));
+  }
+}
+

@@ -1,0 +1,133 @@
+// One request: what it takes, an example for a shell, and what it answers when it is tried.
+
+import { button, h } from "../common/dom";
+import { refusal, table } from "../common/parts";
+import { type Description, members, type Operation, type Parameter, resolve, type Schema } from "../common/openapi";
+import { send } from "../common/api";
+
+// Longer answers are cut.
+const MOST_SHOWN = 20_000;
+
+export function requestCard(description: Description, method: string, path: string, id: string): HTMLElement {
+  const operation = description.paths[path]![method]!;
+  const parameters = operation.parameters ?? [];
+  const body = operation.requestBody?.content["application/json"]?.schema;
+  const card = h(
+    "section",
+    { class: "request", id, "aria-label": `${method} ${path}` },
+    h("h3", {}, h("b", { class: `is-${method}` }, method), " ", h("code", {}, path)),
+    h("p", {}, [operation.summary, operation.description].filter(Boolean).join(" ")),
+  );
+  if (parameters.length > 0) card.append(parameterTable(parameters));
+  if (body) card.append(bodyTable(description, body));
+  card.append(answers(operation), tried(description, method, path, parameters, operation));
+  return card;
+}
+
+function parameterTable(parameters: Parameter[]): HTMLElement {
+  const rows = parameters.map((one) => [
+    h("code", {}, one.name),
+    one.in + (one.required ? ", required" : ""),
+    typeOf(one.schema),
+    one.description ?? "",
+  ]);
+  return table(["Parameter", "In", "Type", ""], rows);
+}
+
+function bodyTable(description: Description, schema: Schema): HTMLElement {
+  const variants = resolve(description, schema);
+  const { properties, required } = members(description, schema);
+  const params = (variants.allOf ?? []).flatMap((part) => resolve(description, part).oneOf ?? []);
+  const rows: (Node | string)[][] = Object.entries(properties).map(([name, property]) => row(description, name, property, required));
+  for (const { properties: variant } of params) {
+    const kind = variant?.["kind"]?.enum?.[0] ?? "";
+    rows.push([h("code", {}, "kind"), "", `"${kind}"`, ""]);
+    const of = members(description, variant?.["params"] ?? {});
+    for (const [name, property] of Object.entries(of.properties)) rows.push(row(description, `params.${name}`, property, of.required.map((one) => `params.${one}`)));
+  }
+  return table(["Member", "", "Type", ""], rows);
+}
+
+function row(description: Description, name: string, schema: Schema, required: string[]): (Node | string)[] {
+  const property = resolve(description, schema);
+  return [h("code", {}, name), required.includes(name) ? "required" : "", typeOf(property), property.description ?? ""];
+}
+
+function typeOf(schema: Schema): string {
+  if (schema.enum) return schema.enum.map((value) => `"${value}"`).join(" | ");
+  const bounds = [schema.minimum !== undefined && `from ${schema.minimum}`, schema.maximum !== undefined && `to ${schema.maximum}`].filter(Boolean);
+  const name = [schema.type ?? "object"].flat().filter((one) => one !== "null").join(" | ");
+  return [name, ...bounds].join(" ");
+}
+
+function answers({ responses }: Operation): HTMLElement {
+  const item = ([status, { description, content }]: [string, Operation["responses"][string]]) =>
+    h("li", {}, h("code", {}, status === "default" ? "else" : status), ` ${description}`, content ? h("small", { class: "hint" }, ` ${Object.keys(content).join(", ")}`) : null);
+  return h("ul", { class: "answers" }, ...Object.entries(responses).map(item));
+}
+
+// Fields for what is asked, the same for a shell, and the answer.
+function tried(description: Description, method: string, path: string, parameters: Parameter[], operation: Operation): HTMLElement {
+  const asked = parameters.filter((one) => one.in !== "header");
+  const inputs = asked.map((one) => h("input", { type: "text", placeholder: one.name, "aria-label": one.name, size: 14 }));
+  const text = operation.requestBody ? h("textarea", { rows: 4, "aria-label": "Body", spellcheck: "false" }) : null;
+  if (text) text.value = example(description, operation);
+  const shell = h("code");
+  const answer = h("pre", { class: "answer", tabindex: 0, hidden: true });
+  const url = () => {
+    let filled = path;
+    const query = new URLSearchParams();
+    asked.forEach((one, i) => {
+      const value = inputs[i]!.value;
+      if (one.in === "path") filled = filled.replace(`{${one.name}}`, value === "" ? `{${one.name}}` : encodeURIComponent(value));
+      else if (value !== "") query.set(one.name, value);
+    });
+    return new URL(`..${filled}${query.size > 0 ? `?${query}` : ""}`, location.href).href;
+  };
+  const command = () => {
+    const verb = method === "get" || (method === "post" && text) ? "" : ` -X ${method.toUpperCase()}`;
+    const data = text ? ` -d '${text.value.replaceAll("'", "'\\''")}'` : "";
+    const address = decodeURI(url());
+    shell.textContent = `curl -fsS${verb}${data} ${/[?&{]/.test(address) ? `"${address}"` : address}`;
+  };
+  const run = async () => {
+    answer.hidden = false;
+    answer.textContent = "…";
+    try {
+      const got = await send(url(), method.toUpperCase(), text ? (JSON.parse(text.value) as unknown) : undefined);
+      answer.textContent = `${got.status}\n${await shown(got)}`;
+    } catch (error) {
+      answer.replaceChildren(refusal(error));
+    }
+  };
+  for (const input of [...inputs, ...(text ? [text] : [])]) input.addEventListener("input", command);
+  command();
+  const isStream = path.endsWith("/stream");
+  const copy = button("Copy as curl", () => navigator.clipboard.writeText(shell.textContent ?? ""), { class: "quiet" });
+  return h(
+    "div",
+    { class: "try" },
+    h("div", { class: "inputs" }, ...inputs),
+    text,
+    h("div", { class: "shell" }, shell, copy, isStream ? null : button("Try it", run)),
+    answer,
+  );
+}
+
+async function shown(answer: Response): Promise<string> {
+  const kind = answer.headers.get("content-type") ?? "";
+  if (answer.status === 204) return "";
+  if (kind.includes("json")) return JSON.stringify(await answer.json(), null, 2).slice(0, MOST_SHOWN);
+  if (kind.startsWith("text/")) return (await answer.text()).slice(0, MOST_SHOWN);
+  const { size } = await answer.blob();
+  return `${size.toLocaleString("en")} bytes of ${kind}`;
+}
+
+function example(description: Description, operation: Operation): string {
+  if (!operation.requestBody?.content["application/json"]) return "";
+  const { properties } = members(description, operation.requestBody.content["application/json"].schema ?? {});
+  const isJob = operation.operationId === "create";
+  if (isJob) return '{"kind": "dataset.generate", "params": {"preset": "smoke"}}';
+  const first = Object.keys(properties)[0];
+  return first ? JSON.stringify({ [first]: "" }) : "{}";
+}

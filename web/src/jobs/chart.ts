@@ -1,0 +1,126 @@
+// The course of one quantity over steps or time, for one job or several.
+
+import uPlot from "uplot";
+import "uplot/dist/uPlot.min.css";
+import { number } from "../common/words";
+import { type Course, smoothed } from "./course";
+
+export interface Look {
+  // From 0, as it is, to almost 1.
+  smoothing: number;
+  isLogY: boolean;
+  isLogX: boolean;
+  by: "step" | "wall";
+}
+
+const HEIGHT = 220;
+
+export class Chart {
+  readonly element = document.createElement("figure");
+  readonly #name: string;
+  #plot: uPlot | null = null;
+  #shown = "";
+
+  constructor(name: string) {
+    this.#name = name;
+    const caption = document.createElement("figcaption");
+    caption.textContent = name.replaceAll("_", " ").replaceAll(".", " · ");
+    this.element.className = "chart";
+    this.element.append(caption);
+    new ResizeObserver(([entry]) => {
+      if (entry && this.#plot) this.#plot.setSize({ width: entry.contentRect.width, height: HEIGHT });
+    }).observe(this.element);
+  }
+
+  // Draws it anew; where somebody has zoomed in, that stays.
+  show(courses: { course: Course; label: string }[], look: Look): void {
+    const tables = courses.map(({ course }) => points(course, this.#name, look));
+    const data = uPlot.join(tables.map(([x, raw, smooth]) => [x, raw, smooth] as uPlot.AlignedData));
+    const key = JSON.stringify([look, courses.map(({ label }) => label), scheme.matches]);
+    if (this.#plot && this.#shown === key) {
+      this.#plot.setData(data, this.#isWhole());
+      return;
+    }
+    this.#shown = key;
+    this.#plot?.destroy();
+    this.#plot = new uPlot(this.#options(courses.map(({ label }) => label), look), data, this.element);
+  }
+
+  #isWhole(): boolean {
+    const plot = this.#plot;
+    const x = plot?.data[0];
+    const { min, max } = plot?.scales["x"] ?? {};
+    return !x?.length || ((min ?? 0) <= x[0]! && (max ?? 0) >= x[x.length - 1]!);
+  }
+
+  #options(labels: string[], look: Look): uPlot.Options {
+    const css = (name: string) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+    const [ink, line] = [css("--muted"), css("--line")];
+    const axis: uPlot.Axis = {
+      stroke: ink,
+      font: "12px Inter, system-ui, sans-serif",
+      grid: { stroke: line, width: 1 },
+      ticks: { stroke: line, width: 1 },
+    };
+    const value = (_: uPlot, shown: number | null) => (shown === null ? "–" : number(shown));
+    const series = labels.flatMap((label, i): uPlot.Series[] => {
+      const color = css(`--series-${(i % 6) + 1}`);
+      const raw: uPlot.Series = {
+        label: `${label}, raw`,
+        stroke: color,
+        alpha: look.smoothing > 0 ? 0.25 : 0,
+        width: 1,
+        spanGaps: true,
+        points: { show: false },
+        value,
+      };
+      return [raw, { ...raw, label, alpha: 1, width: 1.6 }];
+    });
+    return {
+      width: Math.max(200, this.element.clientWidth),
+      height: HEIGHT,
+      cursor: { sync: { key: "jobs" } },
+      scales: {
+        x: { time: false, distr: look.isLogX ? 3 : 1 },
+        y: { distr: look.isLogY ? 3 : 1 },
+      },
+      axes: [
+        { ...axis, values: (_, ticks) => ticks.map((tick) => (tick === null ? "" : look.by === "wall" ? time(tick) : short(tick))) },
+        { ...axis, size: 58, values: (_, ticks) => ticks.map((tick) => (tick === null ? "" : short(tick))) },
+      ],
+      legend: { markers: { width: 0 } },
+      series: [{ label: look.by === "wall" ? "time" : "step", value: (_, x) => (x === null ? "–" : look.by === "wall" ? time(x) : x.toLocaleString("en")) }, ...series],
+    };
+  }
+}
+
+const scheme = matchMedia("(prefers-color-scheme: dark)");
+
+// Where it was measured, as it is, and smoothed; what has no logarithm is left out of a logarithmic axis.
+function points({ columns }: Course, name: string, look: Look): [number[], (number | null)[], (number | null)[]] {
+  const all = columns[look.by] ?? [];
+  const values = columns[name] ?? [];
+  const x: number[] = [];
+  const y: number[] = [];
+  all.forEach((at, i) => {
+    const value = values[i];
+    if (typeof at !== "number" || typeof value !== "number") return;
+    if ((look.isLogX && at <= 0) || (look.isLogY && value <= 0) || at === x[x.length - 1]) return;
+    x.push(at);
+    y.push(value);
+  });
+  return [x, y, smoothed(y, look.smoothing)];
+}
+
+function short(value: number): string {
+  const size = Math.abs(value);
+  if (size >= 1e6) return `${value / 1e6}M`;
+  if (size >= 1e4) return `${value / 1e3}k`;
+  return String(Number(value.toPrecision(6)));
+}
+
+function time(seconds: number): string {
+  if (seconds < 100) return `${Number(seconds.toFixed(1))} s`;
+  const minutes = seconds / 60;
+  return minutes < 100 ? `${Number(minutes.toFixed(1))} min` : `${Number((minutes / 60).toFixed(1))} h`;
+}

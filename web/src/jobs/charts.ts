@@ -1,0 +1,108 @@
+// All that one job or several measured, a chart for each quantity, with what they have in common set once.
+
+import { h } from "../common/dom";
+import { Chart, type Look } from "./chart";
+import { Course } from "./course";
+import type { Feed } from "./feed";
+import { type Job, title } from "./types";
+
+// Quantities that come first.
+const FIRST = ["loss", "validation"];
+// Drawn again at most so often (ms).
+const CALM = 500;
+
+export class Charts {
+  readonly element = h("section", { class: "charts", hidden: true });
+  readonly #grid = h("div", { class: "grid" });
+  readonly #charts = new Map<string, Chart>();
+  readonly #courses: { course: Course; label: string }[];
+  readonly #look: Look = remembered();
+  #timer = 0;
+  readonly #stop: () => void;
+
+  constructor(feed: Feed, jobs: Job[]) {
+    this.element.append(h("h2", {}, "Measured"), this.#controls(), this.#grid);
+    this.#courses = jobs.map((job) => ({
+      course: new Course(job.id, Date.parse(job.started_at ?? job.created_at)),
+      label: jobs.length === 1 ? "value" : title(job),
+    }));
+    const refetch = () => Promise.all(this.#courses.map(({ course }) => course.fetch())).then(() => this.#draw());
+    void refetch().catch(() => {});
+    this.#stop = feed.listen({
+      event: (event) => {
+        const known = this.#courses.find(({ course }) => course.id === event.job);
+        if (event.type === "metric" && known?.course.add(event)) this.#later();
+      },
+      // What was missed meanwhile is fetched.
+      connection: (state) => state === "live" && void refetch().catch(() => {}),
+    });
+  }
+
+  close(): void {
+    this.#stop();
+    clearTimeout(this.#timer);
+  }
+
+  #later(): void {
+    this.#timer ||= window.setTimeout(() => {
+      this.#timer = 0;
+      this.#draw();
+    }, CALM);
+  }
+
+  #draw(): void {
+    const names = [...new Set(this.#courses.flatMap(({ course }) => course.names()))];
+    const rank = (name: string) => (FIRST.findIndex((first) => name.startsWith(first)) + FIRST.length + 1) % (FIRST.length + 1);
+    names.sort((a, b) => rank(a) - rank(b));
+    this.element.hidden = names.length === 0;
+    for (const name of names) {
+      let chart = this.#charts.get(name);
+      if (!chart) {
+        chart = new Chart(name);
+        this.#charts.set(name, chart);
+        this.#grid.append(chart.element);
+      }
+      chart.show(this.#courses, this.#look);
+    }
+  }
+
+  #controls(): HTMLElement {
+    const look = this.#look;
+    const set = () => {
+      sessionStorage.setItem(KEY, JSON.stringify(look));
+      this.#draw();
+    };
+    const box = (text: string, name: "isLogX" | "isLogY") => {
+      const input = h("input", { type: "checkbox", change: () => ((look[name] = input.checked), set()) });
+      input.checked = look[name];
+      return h("label", {}, input, text);
+    };
+    const slider = h("input", {
+      type: "range",
+      min: 0,
+      max: 0.99,
+      step: 0.01,
+      input: () => ((look.smoothing = slider.valueAsNumber), set()),
+    });
+    slider.valueAsNumber = look.smoothing;
+    const by = h(
+      "select",
+      { "aria-label": "Horizontal axis", change: () => ((look.by = by.value as Look["by"]), set()) },
+      h("option", { value: "step" }, "by step"),
+      h("option", { value: "wall" }, "by time"),
+    );
+    by.value = look.by;
+    return h("div", { class: "controls" }, h("label", {}, "Smoothing", slider), box("log y", "isLogY"), box("log x", "isLogX"), by);
+  }
+}
+
+const KEY = "ngf-charts";
+
+function remembered(): Look {
+  const standard: Look = { smoothing: 0.6, isLogY: true, isLogX: false, by: "step" };
+  try {
+    return { ...standard, ...(JSON.parse(sessionStorage.getItem(KEY) ?? "{}") as Partial<Look>) };
+  } catch {
+    return standard;
+  }
+}

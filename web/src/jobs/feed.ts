@@ -1,0 +1,164 @@
+// The jobs of the server, kept as they are there: pages of the list, and one stream of what happens.
+
+import { API, ask, type List, Refused } from "../common/api";
+import type { Job, JobEvent } from "./types";
+
+const TYPES: JobEvent["type"][] = ["status", "progress", "metric", "log", "checkpoint", "artifact", "alert"];
+const PAGE = 100;
+// What changes faster is shown at most so often (ms).
+const CALM = 250;
+// A stream that the server ended is asked for again after this (ms); one that broke comes back by itself.
+const AGAIN = 2000;
+
+export type Connection = "connecting" | "live" | "lost";
+
+export interface Listener {
+  jobs?(changed: Set<string>): void;
+  event?(event: JobEvent): void;
+  connection?(state: Connection): void;
+}
+
+export class Feed {
+  readonly jobs = new Map<string, Job>();
+  readonly #listeners = new Set<Listener>();
+  #hasMore = true;
+  #filter = "";
+  #last: string | null = null;
+  #changed = new Set<string>();
+  #stale = new Set<string>();
+  #timer = 0;
+  connection: Connection = "connecting";
+
+  // Hears from now on; gives what ends that.
+  listen(listener: Listener): () => void {
+    this.#listeners.add(listener);
+    return () => this.#listeners.delete(listener);
+  }
+
+  get hasMore(): boolean {
+    return this.#hasMore;
+  }
+
+  // Newest first.
+  list(): Job[] {
+    return [...this.jobs.values()].sort((a, b) => (a.id < b.id ? 1 : -1));
+  }
+
+  // Begins anew with jobs of these statuses and kinds, "" being all.
+  async filter(query: string): Promise<void> {
+    this.#filter = query;
+    this.jobs.clear();
+    this.#hasMore = true;
+    await this.more();
+  }
+
+  // Fetches the next page.
+  async more(): Promise<void> {
+    if (!this.#hasMore) return;
+    const filter = this.#filter;
+    const after = this.list().at(-1)?.id;
+    const page = await ask<List<Job>>(`jobs?limit=${PAGE}${after ? `&after=${after}` : ""}${filter}`);
+    // Another filter was chosen meanwhile.
+    if (filter !== this.#filter) return;
+    this.#hasMore = page.has_more;
+    for (const job of page.data) this.#put(job);
+    this.#tell();
+  }
+
+  // One job, as it is now.
+  async fetch(id: string): Promise<Job> {
+    const job = await ask<Job>(`jobs/${id}`);
+    this.#put(job);
+    this.#tell();
+    return job;
+  }
+
+  forget(id: string): void {
+    if (this.jobs.delete(id)) this.#changed.add(id);
+    this.#tell();
+  }
+
+  // Takes a job that an answer brought.
+  put(job: Job): void {
+    this.#put(job);
+    this.#tell();
+  }
+
+  // Listens to all jobs; goes on after the last event whenever the connection was lost.
+  connect(): void {
+    const url = new URL(`stream${this.#last ? `?after=${this.#last}` : ""}`, API);
+    const source = new EventSource(url);
+    source.onopen = () => this.#connected("live");
+    source.onerror = () => {
+      this.#connected("lost");
+      if (source.readyState === EventSource.CLOSED) setTimeout(() => this.connect(), AGAIN);
+    };
+    for (const type of TYPES) {
+      source.addEventListener(type, ({ data }) => this.#receive(JSON.parse(data) as JobEvent));
+    }
+  }
+
+  #connected(state: Connection): void {
+    const wasLost = this.connection === "lost";
+    this.connection = state;
+    for (const listener of this.#listeners) listener.connection?.(state);
+    if (wasLost && state === "live") for (const id of this.jobs.keys()) this.#refresh(id);
+  }
+
+  #receive(event: JobEvent): void {
+    this.#last = event.id;
+    for (const listener of this.#listeners) listener.event?.(event);
+    const job = this.jobs.get(event.job);
+    if (event.type === "progress" && job) {
+      const { phase, progress } = event.data as { phase: string; progress: Job["progress"] };
+      if (progress) {
+        const left = Math.max(0, progress.total - progress.completed);
+        progress.fraction = progress.total > 0 ? progress.completed / progress.total : 0;
+        progress.eta_seconds = progress.rate_per_second ? left / progress.rate_per_second : null;
+      }
+      this.#put({ ...job, phase, progress });
+      this.#tell();
+    } else if (event.type === "metric" && job) {
+      this.#put({ ...job, latest_metrics: { ...job.latest_metrics, ...event.data } });
+      this.#tell();
+    } else if (event.type !== "log") {
+      this.#refresh(event.job);
+    }
+  }
+
+  #refresh(id: string): void {
+    this.#stale.add(id);
+    this.#tell();
+  }
+
+  #put(job: Job): void {
+    this.jobs.set(job.id, job);
+    this.#changed.add(job.id);
+  }
+
+  #tell(): void {
+    if (this.#timer) return;
+    this.#timer = window.setTimeout(() => {
+      this.#timer = 0;
+      void this.#update();
+    }, CALM);
+  }
+
+  async #update(): Promise<void> {
+    const stale = [...this.#stale];
+    this.#stale.clear();
+    await Promise.all(
+      stale.map(async (id) => {
+        try {
+          this.#put(await ask<Job>(`jobs/${id}`));
+        } catch (error) {
+          const isGone = error instanceof Refused && error.problem.status === 404;
+          if (isGone && this.jobs.delete(id)) this.#changed.add(id);
+        }
+      }),
+    );
+    const changed = this.#changed;
+    this.#changed = new Set();
+    for (const listener of this.#listeners) listener.jobs?.(changed);
+  }
+}

@@ -1,0 +1,235 @@
+// A new job: a form made from what the server says of its parameters, checked and estimated while it is filled in.
+
+import { API, ask, type List, Refused } from "../common/api";
+import { button, h } from "../common/dom";
+import { refusal } from "../common/parts";
+import { type Description, describe, members, type Schema } from "../common/openapi";
+import { duration, label, number, size } from "../common/words";
+import type { Feed } from "./feed";
+import { type Job, KINDS, title } from "./types";
+import type { View } from "./view";
+
+type Field = HTMLInputElement | HTMLSelectElement;
+
+// Typing that stops for so long is checked (ms).
+const PAUSE = 350;
+
+// Hints with more letters stand below.
+const LONG = 70;
+
+const NAMES: Record<string, string> = {
+  dataset_id: "Dataset",
+  encoder_id: "Encoder",
+  model_id: "Model",
+  mesh_id: "Mesh",
+  mass_kg: "Mass (kg)",
+  density_kg_m3: "Density (kg/m³)",
+};
+
+// Which records a parameter may name.
+const RECORDS: Record<string, { path: string; label: (record: Record<string, unknown>) => string }> = {
+  dataset_id: { path: "datasets", label: ({ id, config }) => `${String(id)}, ${preset(config)}` },
+  encoder_id: { path: "models", label: modelLabel },
+  model_id: { path: "models", label: modelLabel },
+  mesh_id: { path: "meshes", label: ({ name }) => String(name) },
+};
+
+export class NewJob implements View {
+  readonly element = h("article", { class: "new-job" }, h("h1", {}, "New job"));
+  readonly #feed: Feed;
+  readonly #kinds = h("fieldset", { class: "kinds" }, h("legend", { class: "visually-hidden" }, "What to do"));
+  readonly #fields = h("div", { class: "fields" });
+  readonly #estimate = h("p", { class: "estimate", role: "status" });
+  readonly #problem = h("div");
+  readonly #name = h("input", { type: "text", maxlength: 200, placeholder: "for people" });
+  readonly #inputs = new Map<string, Field>();
+  #description: Description | null = null;
+  #kind = Object.keys(KINDS)[0]!;
+  #timer = 0;
+  #asked = 0;
+
+  constructor(feed: Feed, query: URLSearchParams) {
+    this.#feed = feed;
+    const submit = button("Begin", () => this.#begin(), { class: "primary" });
+    const copy = button("Copy as curl", () => this.#copy());
+    this.element.append(
+      this.#kinds,
+      h("label", { class: "line" }, h("span", {}, "Name"), this.#name),
+      this.#fields,
+      this.#estimate,
+      this.#problem,
+      h("div", { class: "actions" }, submit, copy),
+    );
+    this.element.addEventListener("input", () => this.#later());
+    void this.#open(query);
+  }
+
+  close(): void {
+    clearTimeout(this.#timer);
+  }
+
+  async #open(query: URLSearchParams): Promise<void> {
+    try {
+      this.#description = await describe();
+      const clone = query.get("clone");
+      const like = clone ? (this.#feed.jobs.get(clone) ?? (await this.#feed.fetch(clone))) : null;
+      this.#kind = like?.kind ?? query.get("kind") ?? this.#kind;
+      if (like) this.#name.value = `${title(like)}, changed`;
+      for (const [value, text] of Object.entries(KINDS)) {
+        const input = h("input", { type: "radio", name: "kind", value, change: () => void this.#choose(value, {}) });
+        input.checked = value === this.#kind;
+        this.#kinds.append(h("label", {}, input, text));
+      }
+      await this.#choose(this.#kind, like?.params ?? Object.fromEntries(query));
+    } catch (error) {
+      this.element.replaceChildren(h("h1", {}, "New job"), refusal(error));
+    }
+  }
+
+  async #choose(kind: string, values: Record<string, unknown>): Promise<void> {
+    this.#kind = kind;
+    const { properties, required } = this.#schema(kind);
+    const names = Object.keys(properties).sort((a, b) => order(a, required) - order(b, required));
+    const made = await Promise.all(names.map(async (name) => [name, await this.#field(name, properties[name]!)] as const));
+    // Another kind was chosen meanwhile.
+    if (this.#kind !== kind) return;
+    this.#inputs.clear();
+    this.#fields.replaceChildren();
+    for (const [name, input] of made) {
+      const value = values[name];
+      if (value != null) {
+        if (input instanceof HTMLInputElement && input.type === "checkbox") input.checked = value === true;
+        else input.value = String(value);
+      }
+      this.#inputs.set(name, input);
+      const hint = (properties[name]?.description ?? "").replaceAll("`", "");
+      const note = h("small", { class: hint.length > LONG ? "hint is-long" : "hint", id: `hint-${name}` }, hint);
+      input.setAttribute("aria-describedby", note.id);
+      this.#fields.append(h("label", { class: "line", "data-param": name }, h("span", {}, NAMES[name] ?? label(name)), input, note));
+    }
+    await this.#check();
+  }
+
+  #schema(kind: string): ReturnType<typeof members> {
+    const description = this.#description!;
+    const tasks = description.components.schemas["JobTask"]?.oneOf ?? [];
+    const task = tasks.find(({ properties }) => properties?.["kind"]?.enum?.includes(kind));
+    return members(description, task?.properties?.["params"] ?? {});
+  }
+
+  async #field(name: string, schema: Schema): Promise<Field> {
+    const types = [schema.type ?? []].flat();
+    const records = RECORDS[name];
+    if (records || schema.enum) {
+      const options = records ? await recordsOf(name, records) : schema.enum!.map((one): [string, string] => [one, label(one)]);
+      const select = h("select");
+      if (types.includes("null")) select.append(h("option", { value: "" }, "–"));
+      for (const [value, text] of options) select.append(h("option", { value }, text));
+      if (typeof schema.default === "string") select.value = schema.default;
+      return select;
+    }
+    if (types.includes("boolean")) return h("input", { type: "checkbox" });
+    if (types.includes("integer") || types.includes("number")) {
+      return h("input", {
+        type: "number",
+        step: types.includes("integer") ? 1 : "any",
+        min: schema.minimum ?? null,
+        max: schema.maximum ?? null,
+        inputmode: "decimal",
+      });
+    }
+    const list = h("datalist", { id: `examples-${name}` }, ...(schema.examples ?? []).map((value) => h("option", { value })));
+    this.element.append(list);
+    return h("input", { type: "text", list: list.id, autocomplete: "off" });
+  }
+
+  #request(): Record<string, unknown> {
+    const params: Record<string, unknown> = {};
+    for (const [name, input] of this.#inputs) {
+      if (input instanceof HTMLInputElement && input.type === "checkbox") {
+        if (input.checked) params[name] = true;
+      } else if (input.value !== "") {
+        params[name] = input instanceof HTMLInputElement && input.type === "number" ? input.valueAsNumber : input.value;
+      }
+    }
+    return { kind: this.#kind, params, ...(this.#name.value && { name: this.#name.value }) };
+  }
+
+  #later(): void {
+    clearTimeout(this.#timer);
+    this.#timer = window.setTimeout(() => void this.#check(), PAUSE);
+  }
+
+  // What the server would make of it.
+  async #check(): Promise<void> {
+    const asked = ++this.#asked;
+    try {
+      const job = await ask<Job>("jobs?dry_run=true", "POST", this.#request());
+      if (asked !== this.#asked) return;
+      this.#blame(null);
+      for (const [name, input] of this.#inputs) {
+        const resolved = job.params[name];
+        if (input instanceof HTMLInputElement) input.placeholder = typeof resolved === "number" ? number(resolved) : "";
+      }
+      const { seconds, bytes } = job.estimate ?? {};
+      const parts = [seconds && `about ${duration(seconds)}`, bytes && `${size(bytes)} of disk`].filter(Boolean);
+      this.#estimate.textContent = parts.length > 0 ? `It takes ${parts.join(" and ")}.` : "";
+    } catch (error) {
+      if (asked === this.#asked) this.#blame(error);
+    }
+  }
+
+  // Marks the parameter that is wrong and says why.
+  #blame(error: unknown): void {
+    this.#problem.replaceChildren();
+    const problem = error instanceof Refused ? error.problem : null;
+    const params = problem?.errors?.map(({ param }) => param.split(".").pop()) ?? [];
+    for (const [name, input] of this.#inputs) {
+      const isBad = params.includes(name);
+      input.setAttribute("aria-invalid", String(isBad));
+    }
+    if (error) {
+      this.#estimate.textContent = "";
+      this.#problem.replaceChildren(refusal(error));
+    }
+  }
+
+  async #begin(): Promise<void> {
+    try {
+      const job = await ask<Job>("jobs", "POST", this.#request());
+      this.#feed.put(job);
+      location.hash = `#jobs/${job.id}`;
+    } catch (error) {
+      this.#blame(error);
+    }
+  }
+
+  async #copy(): Promise<void> {
+    const body = JSON.stringify(this.#request()).replaceAll("'", "'\\''");
+    await navigator.clipboard.writeText(`curl -fsS -d '${body}' ${new URL("jobs", API).href}`);
+    this.#estimate.textContent = "Copied.";
+  }
+}
+
+// What must be given comes first, threads and seeds last.
+function order(name: string, required: string[]): number {
+  if (required.includes(name)) return 0;
+  const first = ["preset", "policy", "object", "mesh_id", "mass_kg", "density_kg_m3", "attempts", "controls", "steps"].indexOf(name);
+  const last = ["checkpoint", "threads", "seed"].indexOf(name);
+  return last >= 0 ? 50 + last : first >= 0 ? 1 + first : 20;
+}
+
+async function recordsOf(name: string, { path, label: text }: (typeof RECORDS)[string]): Promise<[string, string][]> {
+  const { data } = await ask<List<Record<string, unknown>>>(`${path}?limit=100`);
+  const records = data.map((record): [string, string] => [String(record["id"]), text(record)]);
+  return name === "model_id" ? [...records, ["planner", "planner: knows the object, plans a grasp of its own"]] : records;
+}
+
+function modelLabel({ id, kind, step }: Record<string, unknown>): string {
+  return [String(id), kind, step == null ? null : `step ${String(step)}`].filter(Boolean).join(", ");
+}
+
+function preset(config: unknown): string {
+  const objects = (config as { objects?: string[] } | undefined)?.objects ?? [];
+  return objects.length > 3 ? `${objects.length} objects` : objects.map(label).join(", ");
+}

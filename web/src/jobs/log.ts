@@ -1,0 +1,95 @@
+// What the process of a job printed: its end, then what comes.
+
+import { API, send } from "../common/api";
+import { h } from "../common/dom";
+import type { Feed } from "./feed";
+import { ENDED, type Job } from "./types";
+
+// Bytes of the end that are fetched first, and how often more is asked for (ms).
+const END = 64_000;
+const PERIOD = 2000;
+// Lines that are kept in the page.
+const MOST = 5000;
+
+export class Log {
+  readonly element: HTMLElement;
+  readonly #lines = h("pre", { class: "log", tabindex: 0, role: "log", "aria-label": "Log" });
+  readonly #level: HTMLSelectElement;
+  readonly #search: HTMLInputElement;
+  readonly #follow: HTMLInputElement;
+  readonly #id: string;
+  readonly #feed: Feed;
+  #text: string[] = [""];
+  #next = -1;
+  #timer = 0;
+
+  constructor(feed: Feed, job: Job) {
+    this.#feed = feed;
+    this.#id = job.id;
+    this.#level = h(
+      "select",
+      { "aria-label": "Lines", change: () => this.#draw() },
+      h("option", { value: "" }, "all lines"),
+      h("option", { value: "warning|error|panicked" }, "warnings and errors"),
+    );
+    this.#search = h("input", { type: "search", placeholder: "Search", "aria-label": "Search the log", input: () => this.#draw() });
+    this.#follow = h("input", { type: "checkbox", checked: true, change: () => this.#draw() });
+    const url = new URL(`jobs/${job.id}/logs`, API).href;
+    this.element = h(
+      "section",
+      {},
+      h("h2", {}, "Log"),
+      h(
+        "div",
+        { class: "controls" },
+        this.#level,
+        this.#search,
+        h("label", {}, this.#follow, "follow"),
+        h("a", { href: url, download: `${job.id}.txt` }, "Download"),
+      ),
+      this.#lines,
+    );
+    void this.#fetch();
+  }
+
+  close(): void {
+    clearTimeout(this.#timer);
+    this.#timer = -1;
+  }
+
+  async #fetch(): Promise<void> {
+    // With the last byte that is known, so that there always is something to answer with.
+    const range = this.#next > 0 ? `bytes=${this.#next - 1}-` : `bytes=-${END}`;
+    try {
+      const answer = await send(`jobs/${this.#id}/logs`, "GET", undefined, { Range: range });
+      const bytes = new Uint8Array(await answer.arrayBuffer());
+      const first = Number(/bytes (\d+)-/.exec(answer.headers.get("content-range") ?? "")?.[1] ?? 0);
+      // An answer that is whole replaces what was there.
+      const known = answer.status === 206 && this.#next > 0 ? this.#next - first : 0;
+      if (known === 0) this.#text = [""];
+      this.#next = first + bytes.byteLength;
+      this.#add(new TextDecoder().decode(bytes.subarray(known)));
+    } catch {
+      // The server may be away; it is asked again.
+    }
+    const job = this.#feed.jobs.get(this.#id);
+    const isOver = job && ENDED.includes(job.status);
+    if (!isOver && this.#timer >= 0) this.#timer = window.setTimeout(() => void this.#fetch(), PERIOD);
+  }
+
+  #add(text: string): void {
+    const [first = "", ...rest] = text.split("\n");
+    this.#text[this.#text.length - 1] += first;
+    this.#text.push(...rest);
+    this.#text.splice(0, Math.max(0, this.#text.length - MOST));
+    this.#draw();
+  }
+
+  #draw(): void {
+    const level = new RegExp(this.#level.value, "i");
+    const wanted = this.#search.value.toLowerCase();
+    const shown = this.#text.filter((line) => level.test(line) && line.toLowerCase().includes(wanted));
+    this.#lines.textContent = shown.join("\n").trimEnd() || "Nothing yet.";
+    if (this.#follow.checked) this.#lines.scrollTop = this.#lines.scrollHeight;
+  }
+}

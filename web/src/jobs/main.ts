@@ -1,0 +1,81 @@
+// The jobs page: a list, what was chosen in it, and an address for everything.
+
+import { Refused } from "../common/api";
+import { element, h } from "../common/dom";
+import { refusal } from "../common/parts";
+import { Comparison } from "./compare";
+import { Detail } from "./detail";
+import { type Connection, Feed } from "./feed";
+import { NewJob } from "./form";
+import { dataset, datasets, meshes, model, models } from "./library";
+import { Rail } from "./rail";
+import type { View } from "./view";
+
+const feed = new Feed();
+const detail = element("detail", HTMLElement);
+const rail = new Rail(feed, (ids) => {
+  if (ids.length > 1) location.hash = `#compare/${ids.join(",")}`;
+  else if (location.hash.startsWith("#compare")) location.hash = `#jobs/${ids[0] ?? ""}`;
+});
+let view: View | null = null;
+
+const WORDS: Record<Connection, string> = { connecting: "connecting", live: "live", lost: "connection lost, trying again" };
+const connection = element("connection", HTMLElement);
+feed.listen({
+  connection: (state) => {
+    connection.textContent = WORDS[state];
+    connection.dataset["state"] = state;
+  },
+});
+
+// What "#jobs/job_1" and the like lead to.
+function viewOf(route: string): View | null {
+  const [path = "", query = ""] = route.split("?");
+  const [place, id = ""] = path.split("/");
+  switch (place) {
+    case "new":
+      return new NewJob(feed, new URLSearchParams(query));
+    case "compare": {
+      const ids = id.split(",").slice(0, 6);
+      rail.mark(ids);
+      return new Comparison(feed, ids);
+    }
+    case "datasets":
+      return id ? dataset(id) : datasets();
+    case "models":
+      return id ? model(id) : models();
+    case "meshes":
+      return meshes();
+    default:
+      return id ? new Detail(feed, id) : null;
+  }
+}
+
+function show(): void {
+  const route = location.hash.slice(1);
+  view?.close?.();
+  view = viewOf(route);
+  detail.replaceChildren(view?.element ?? h("p", { class: "empty hint" }, "Choose a job, or begin a new one."));
+  detail.scrollTop = 0;
+  document.body.classList.toggle("has-detail", view !== null);
+  rail.choose(/^jobs\/(job_\w+)/.exec(route)?.[1] ?? null);
+  for (const tab of document.querySelectorAll<HTMLAnchorElement>(".tabs a")) {
+    const isHere = (tab.hash === "#jobs" ? /^(|jobs.*|compare.*)$/ : new RegExp(`^${tab.hash.slice(1)}`)).test(route);
+    if (isHere) tab.setAttribute("aria-current", "page");
+    else tab.removeAttribute("aria-current");
+  }
+}
+
+addEventListener("hashchange", show);
+
+try {
+  await feed.filter("");
+  feed.connect();
+} catch (error) {
+  const hasAnswer = error instanceof Refused && error.problem.status > 0;
+  element("rail", HTMLElement).hidden = !hasAnswer;
+  connection.textContent = "";
+  document.body.classList.add("has-detail");
+  detail.replaceChildren(refusal(error));
+}
+if (!element("rail", HTMLElement).hidden) show();

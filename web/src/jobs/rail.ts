@@ -1,0 +1,85 @@
+// The list of jobs: as many rows as were fetched, more when the end comes into sight.
+
+import { element, h } from "../common/dom";
+import type { Feed } from "./feed";
+import { Row } from "./row";
+import { KINDS } from "./types";
+
+export class Rail {
+  readonly #feed: Feed;
+  readonly #rows = new Map<string, Row>();
+  readonly #list = element("list", HTMLUListElement);
+  readonly #end = element("list-end", HTMLElement);
+  readonly #compare: (ids: string[]) => void;
+  readonly #marked = new Set<string>();
+  #chosen: string | null = null;
+
+  constructor(feed: Feed, compare: (ids: string[]) => void) {
+    this.#feed = feed;
+    this.#compare = compare;
+    feed.listen({ jobs: (changed) => this.#update(changed) });
+    const status = element("filter-status", HTMLSelectElement);
+    const kind = element("filter-kind", HTMLSelectElement);
+    for (const [value, text] of Object.entries(KINDS)) kind.append(h("option", { value }, text));
+    const filter = () => {
+      this.#rows.clear();
+      this.#list.replaceChildren();
+      const query = (status.value && `&status=${status.value}`) + (kind.value && `&kind=${kind.value}`);
+      void feed.filter(query);
+    };
+    status.addEventListener("change", filter);
+    kind.addEventListener("change", filter);
+    new IntersectionObserver((entries) => {
+      const isSeen = entries.some((entry) => entry.isIntersecting);
+      if (isSeen && this.#rows.size > 0) void feed.more();
+    }).observe(this.#end);
+  }
+
+  choose(id: string | null): void {
+    if (this.#chosen) this.#rows.get(this.#chosen)?.choose(false);
+    this.#chosen = id;
+    if (id) this.#rows.get(id)?.choose(true);
+  }
+
+  // Whoever looks at a comparison sees what is compared.
+  mark(ids: string[]): void {
+    this.#marked.clear();
+    for (const id of ids) this.#marked.add(id);
+    for (const [id, row] of this.#rows) row.mark(this.#marked.has(id));
+  }
+
+  #update(changed: Set<string>): void {
+    for (const id of changed) {
+      const job = this.#feed.jobs.get(id);
+      const row = this.#rows.get(id);
+      if (job && row) {
+        row.update(job);
+      } else if (job) {
+        const made = new Row(job, (on) => this.#toggle(id, on));
+        made.choose(id === this.#chosen);
+        made.mark(this.#marked.has(id));
+        this.#rows.set(id, made);
+        this.#insert(id, made.element);
+      } else {
+        row?.element.remove();
+        this.#rows.delete(id);
+      }
+    }
+    const isEmpty = this.#rows.size === 0;
+    this.#end.textContent = isEmpty ? "No jobs yet." : this.#feed.hasMore ? "Fetching more…" : "";
+  }
+
+  // Ids sort by time, and the newest stands first. Most that come are older than all, or newer.
+  #insert(id: string, row: HTMLLIElement): void {
+    const idOf = (other: Element | null) => (other as HTMLElement | null)?.dataset["id"] ?? "";
+    const last = this.#list.lastElementChild;
+    if (!last || idOf(last) > id) this.#list.append(row);
+    else this.#list.insertBefore(row, [...this.#list.children].find((other) => idOf(other) < id) ?? null);
+  }
+
+  #toggle(id: string, on: boolean): void {
+    if (on) this.#marked.add(id);
+    else this.#marked.delete(id);
+    this.#compare([...this.#marked]);
+  }
+}

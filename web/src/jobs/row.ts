@@ -1,0 +1,56 @@
+// A job in the list. It changes in place: what is replaced under the pointer cannot be clicked.
+
+import { h } from "../common/dom";
+import { duration } from "../common/words";
+import { ENDED, type Job, KINDS, title } from "./types";
+
+export class Row {
+  readonly element: HTMLLIElement;
+  readonly #name = h("strong");
+  readonly #chip = h("span");
+  readonly #about = h("span", { class: "hint" });
+  readonly #note = h("span", { class: "hint is-number" });
+  readonly #bar = h("progress", { max: 1, "aria-label": "Progress" });
+  readonly #link: HTMLAnchorElement;
+  readonly #mark: HTMLInputElement;
+
+  constructor(job: Job, marked: (on: boolean) => void) {
+    this.#mark = h("input", { type: "checkbox", change: () => marked(this.#mark.checked) });
+    this.#link = h("a", { href: `#jobs/${job.id}` }, this.#name, this.#chip, this.#about, this.#note, this.#bar);
+    const isTraining = job.kind.endsWith(".train");
+    this.element = h(
+      "li",
+      { class: "row", "data-id": job.id },
+      isTraining && h("label", { class: "mark" }, this.#mark),
+      this.#link,
+    );
+    this.update(job);
+  }
+
+  update(job: Job): void {
+    this.#name.textContent = title(job);
+    this.#mark.setAttribute("aria-label", `Compare ${title(job)}`);
+    this.#chip.textContent = job.status;
+    this.#chip.className = `chip is-${job.status}`;
+    this.#about.textContent = job.name ? (KINDS[job.kind] ?? job.kind) : (job.phase ?? "").replaceAll("_", " ");
+    this.#note.textContent = note(job);
+    this.#bar.hidden = ENDED.includes(job.status) || !job.progress;
+    if (job.progress) this.#bar.value = job.progress.fraction;
+  }
+
+  choose(on: boolean): void {
+    if (on) this.#link.setAttribute("aria-current", "true");
+    else this.#link.removeAttribute("aria-current");
+  }
+
+  mark(on: boolean): void {
+    this.#mark.checked = on;
+  }
+}
+
+// How long yet, how long it took, or when it was asked for.
+function note({ status, progress, started_at, finished_at, created_at }: Job): string {
+  if (status === "running" && progress?.eta_seconds != null) return `${duration(progress.eta_seconds)} left`;
+  if (started_at && finished_at) return duration((Date.parse(finished_at) - Date.parse(started_at)) / 1000);
+  return new Date(created_at).toLocaleString("en-GB", { dateStyle: "short", timeStyle: "short" });
+}

@@ -1,0 +1,90 @@
+// Jobs and what comes of them, as the server tells (docs/api.md).
+
+export type Status = "queued" | "running" | "paused" | "cancelling" | "succeeded" | "failed" | "cancelled";
+
+export interface Progress {
+  completed: number;
+  total: number;
+  unit: string;
+  fraction: number;
+  rate_per_second: number | null;
+  eta_seconds: number | null;
+}
+
+export interface Job {
+  id: string;
+  kind: string;
+  status: Status;
+  phase: string | null;
+  progress: Progress | null;
+  created_at: string;
+  started_at: string | null;
+  finished_at: string | null;
+  params: Record<string, unknown>;
+  seed: number;
+  name: string | null;
+  priority: number;
+  inputs: Record<string, string>;
+  outputs: { dataset_id?: string; model_id?: string; artifact_ids: string[] };
+  latest_metrics: Record<string, unknown>;
+  checkpoint_count: number;
+  resumable: boolean;
+  error: { code: string; message: string; param: string | null; hint: string | null } | null;
+  worker: { host: string; pid: number; version: string } | null;
+  attempt: number;
+  estimate?: { seconds: number | null; bytes: number | null };
+}
+
+export interface JobEvent {
+  id: string;
+  seq: number;
+  job: string;
+  created_at: string;
+  level: "info" | "warn" | "error";
+  type: "status" | "progress" | "metric" | "log" | "checkpoint" | "artifact" | "alert";
+  message: string;
+  data: Record<string, unknown>;
+}
+
+export interface Artifact {
+  hash: string;
+  name: string;
+  bytes: number;
+  content_type: string;
+}
+
+export interface Checkpoint {
+  step: number;
+  model_id: string;
+  bytes: number;
+  metrics: Record<string, unknown>;
+  demo_url: string;
+}
+
+// Of one policy and object.
+export interface Evaluation {
+  policy: string;
+  object: string;
+  attempts: number;
+  lifted: number;
+  wilson95: [number, number];
+  failures: Record<string, number>;
+  seed: number;
+}
+
+// Columns of numbers, as uPlot takes them.
+export type Columns = Record<string, (number | null)[]>;
+
+export const ENDED: Status[] = ["succeeded", "failed", "cancelled"];
+
+export const KINDS: Record<string, string> = {
+  "dataset.generate": "Make a dataset",
+  "encoder.train": "Train an encoder",
+  "policy.train": "Train a policy",
+  "policy.evaluate": "Evaluate a policy",
+  "mesh.prepare": "Look at a mesh",
+};
+
+export function title(job: Job): string {
+  return job.name ?? KINDS[job.kind] ?? job.kind;
+}
