@@ -76,8 +76,8 @@ test("a dataset is asked for with the form, watched, and one of its demonstratio
 test("a training is watched, stopped, gone on with, compared, and tried in the demo while it runs", async () => {
   const { outputs } = await made("dataset.generate", { preset: "smoke" });
   const { dataset_id } = outputs;
-  const encoder = await made("encoder.train", { dataset_id, steps: 20, checkpoint: 10 }, "First encoder");
-  const other = await made("encoder.train", { dataset_id, steps: 20, checkpoint: 10, rate: 0.01 }, "Other encoder");
+  const encoder = await made("encoder.train", { dataset_id, steps: 50, checkpoint: 50 }, "First encoder");
+  const other = await made("encoder.train", { dataset_id, steps: 50, checkpoint: 50, rate: 0.01 }, "Other encoder");
   const params = { dataset_id, encoder_id: encoder.outputs.model_id, steps: 100_000, batch: 8, checkpoint: 100 };
   const { id } = await api("jobs", { kind: "policy.train", params, name: "A long one" });
 

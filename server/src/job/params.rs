@@ -88,7 +88,7 @@ pub(crate) struct Course {
     pub(crate) batch: Option<usize>,
     /// Peak learning rate.
     #[serde(default)]
-    pub(crate) rate: Option<f32>,
+    pub(crate) rate: Option<f64>,
     /// Steps from checkpoint to checkpoint.
     #[serde(default)]
     pub(crate) checkpoint: Option<u64>,
@@ -140,10 +140,10 @@ pub(crate) struct Subject {
     pub(crate) mesh_id: Option<String>,
     /// Mass of the mesh (kg).
     #[serde(default)]
-    pub(crate) mass_kg: Option<f32>,
+    pub(crate) mass_kg: Option<f64>,
     /// Density of the mesh (kg/m³) instead.
     #[serde(default)]
-    pub(crate) density_kg_m3: Option<f32>,
+    pub(crate) density_kg_m3: Option<f64>,
 }
 
 fn small() -> String {
@@ -296,13 +296,18 @@ impl DatasetParams {
     }
 }
 
+/// The double that is written as this number is: 0.001 and not 0.0010000000474974513.
+fn written(x: f32) -> f64 {
+    x.to_string().parse().unwrap_or(f64::from(x))
+}
+
 impl EncoderParams {
     fn resolved(self) -> Result<Self, Invalid> {
         let standard = AutoencoderConfig::standard();
         let standard = Course {
             steps: Some(standard.steps),
             batch: Some(standard.batch),
-            rate: Some(standard.rate),
+            rate: Some(written(standard.rate)),
             checkpoint: Some(standard.span),
             threads: standard.shards,
             seed: 0,
@@ -321,7 +326,7 @@ impl PolicyParams {
         let standard = Course {
             steps: Some(standard.steps),
             batch: Some(standard.batch),
-            rate: Some(standard.rate),
+            rate: Some(written(standard.rate)),
             checkpoint: Some(standard.span),
             threads: standard.shards,
             seed: 0,

@@ -47,7 +47,7 @@ export class Course {
   // Names of what was measured, but for what only says how fast.
   names(): string[] {
     const isNumber = (name: string) => this.columns[name]?.some((value) => typeof value === "number");
-    return Object.keys(this.columns).filter((name) => !["step", "wall"].includes(name) && isNumber(name));
+    return Object.keys(this.columns).filter((name) => !["step", "wall", "seconds_left"].includes(name) && isNumber(name));
   }
 }
 

@@ -27,6 +27,7 @@ export class Feed {
   #changed = new Set<string>();
   #stale = new Set<string>();
   #timer = 0;
+  #told = 0;
   connection: Connection = "connecting";
 
   // Hears from now on; gives what ends that.
@@ -138,10 +139,12 @@ export class Feed {
 
   #tell(): void {
     if (this.#timer) return;
+    const passed = performance.now() - this.#told;
     this.#timer = window.setTimeout(() => {
       this.#timer = 0;
+      this.#told = performance.now();
       void this.#update();
-    }, CALM);
+    }, Math.max(0, CALM - passed));
   }
 
   async #update(): Promise<void> {

@@ -39,9 +39,9 @@ export function evaluations(reports: Evaluation[]): HTMLElement {
 // A bar from 0 to 1 with its interval.
 function share({ lifted, attempts, wilson95 }: Evaluation): HTMLElement {
   const [band, mark] = [h("span"), h("i")];
-  band.style.left = percent(wilson95[0]);
-  band.style.right = percent(1 - wilson95[1]);
-  mark.style.left = percent(lifted / Math.max(1, attempts));
+  band.style.left = `${100 * wilson95[0]}%`;
+  band.style.right = `${100 * (1 - wilson95[1])}%`;
+  mark.style.left = `${(100 * lifted) / Math.max(1, attempts)}%`;
   return h("div", { class: "interval", "aria-hidden": "true" }, band, mark);
 }
 

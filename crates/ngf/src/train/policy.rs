@@ -108,14 +108,18 @@ const EXAMINATION: u64 = 10_000;
 impl Watcher for School<'_> {
     fn progress(&mut self, now: &Progress) -> Result<bool> {
         self.log.progress(now)?;
-        if now.step.is_multiple_of(EXAMINATION) {
+        let is_examined = now.step.is_multiple_of(EXAMINATION);
+        if is_examined || now.step.is_multiple_of(self.config.span) {
             let [(_, taught), _] = self.lessons;
             let files = training::model_files(self.encoder, now.params, self.config, taught)?;
-            let found = self.exam.take(&self.config.policy, &files, self.lessons)?;
-            println!("{found}");
-            self.log.write(&json!({ "step": now.step, "exam": found }))?;
+            if is_examined {
+                let found = self.exam.take(&self.config.policy, &files, self.lessons)?;
+                println!("{found}");
+                self.log.write(&json!({ "step": now.step, "exam": found }))?;
+                report::say(&format!("step {}: {found}", now.step));
+            }
             training::write_files(self.out, &files)?;
-            report::say(&format!("step {}: {found}", now.step));
+            // It can be tried from now on.
             report::checkpoint(now.step);
         }
         Ok(true)
