@@ -81,9 +81,11 @@ test("an attempt begins by itself, pauses, steps and is reset", async () => {
   await page.close();
 });
 
-test("a simulation that stops says so and can be restarted", async () => {
+test("a simulation that stops says so, can be restarted, and keeps the object", async () => {
   const { page } = await visit(served);
   await untilReady(page);
+  await page.click("label:has([value=mustard])");
+  await page.waitForFunction(() => document.getElementById("report-mass").textContent === "603 g");
   await page.workers()[0].evaluate(() => {
     setTimeout(() => {
       throw new Error("stopped by a test");
@@ -95,6 +97,8 @@ test("a simulation that stops says so and can be restarted", async () => {
   await page.click(".failure .again");
   await page.waitForSelector('[data-code="engine_stopped"]', { state: "detached" });
   await untilReady(page);
+  assert.equal(await page.textContent("#report-mass"), "603 g");
+  assert.ok(await page.isChecked("[value=mustard]"));
   const before = await page.inputValue("#pose-x");
   await page.click("#new-pose");
   await page.waitForFunction((x) => document.getElementById("pose-x").value !== x, before);

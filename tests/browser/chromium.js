@@ -33,10 +33,9 @@ export async function serve({ port = 0, data = null } = {}) {
   return { address, server };
 }
 
-// Begins a server and a browser; `close` ends both.
-export async function open({ data = null } = {}) {
-  const { address, server } = await serve({ data });
-  const launched = chromium.launch({
+// Begins a browser.
+export function launch() {
+  return chromium.launch({
     executablePath: browserProgram,
     args: [
       "--no-sandbox",
@@ -47,8 +46,13 @@ export async function open({ data = null } = {}) {
       "--no-first-run",
     ],
   });
+}
+
+// Begins a server and a browser; `close` ends both.
+export async function open({ data = null } = {}) {
+  const { address, server } = await serve({ data });
   // A server that nobody ends keeps the tests from ending.
-  const browser = await launched.catch((error) => {
+  const browser = await launch().catch((error) => {
     server.kill();
     throw error;
   });

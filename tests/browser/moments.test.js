@@ -10,6 +10,12 @@ let served;
 before(async () => (served = await open()));
 after(() => served?.close());
 
+function cube(side) {
+  const corners = [0, 1, 2, 3, 4, 5, 6, 7].map((k) => `v ${[k & 1, (k >> 1) & 1, (k >> 2) & 1].map((bit) => bit * side).join(" ")}`);
+  const faces = ["1 3 4 2", "5 6 8 7", "1 2 6 5", "3 7 8 4", "1 5 7 3", "2 4 8 6"].map((face) => `f ${face}`);
+  return { name: "cube.obj", mimeType: "model/obj", buffer: Buffer.from([...corners, ...faces].join("\n")) };
+}
+
 // The verdict of the attempt of a seed, as fast as it goes.
 async function grasp(page, seed) {
   await page.fill("#seed", String(seed));
@@ -55,6 +61,25 @@ test("what goes on inside is shown for every joint and over time", async () => {
   await page.close();
 });
 
+test("a second policy beside the first is given the same, and layers are drawn", async () => {
+  const { page, complaints } = await visit(served);
+  await untilReady(page);
+  await page.click("#objects label:has([value=soup_can])");
+  await page.click("#new-pose");
+  await page.selectOption("#compare", "default");
+  await page.waitForSelector("#view-2", { state: "visible" });
+  await page.keyboard.press("t");
+  await grasp(page, 4);
+  await page.waitForFunction(() => /^default: /.test(document.getElementById("who-2").textContent));
+  assert.equal(await page.textContent("#who-1"), await page.textContent("#who-2"), "the same policy comes to the same");
+  await page.click("#phases [data-phase=lift] button");
+  await screenshot(page, "comparison");
+  await page.selectOption("#compare", "");
+  await page.waitForSelector("#view-2", { state: "hidden" });
+  assert.deepEqual(complaints, []);
+  await page.close();
+});
+
 test("twenty attempts in a row are counted, and end as one by one", async () => {
   const { page } = await visit(served);
   await untilReady(page);
@@ -77,6 +102,28 @@ test("twenty attempts in a row are counted, and end as one by one", async () => 
   await page.click("#batch-run");
   await page.waitForFunction(() => document.getElementById("batch-run").textContent === "Run");
   await screenshot(page, "batch");
+  await page.close();
+});
+
+test("any mesh gets an answer without a policy: a grasp is searched in physics and played", async () => {
+  const { page, complaints } = await visit(served);
+  await untilReady(page);
+  await page.setInputFiles("#file", cube(0.06));
+  await page.waitForSelector("#objects [value='file:cube.obj']:checked");
+  // It can be stopped, and the scene goes on meanwhile.
+  await page.click("#search");
+  await page.click("#new-pose");
+  await page.click("#search");
+  await page.waitForFunction(() => document.getElementById("search-words").textContent === "Stopped.");
+  await page.click("#search");
+  await page.waitForFunction(() => /lift it reliably/.test(document.getElementById("search-words").textContent));
+  await page.selectOption("#speed", "4");
+  await page.waitForSelector("[data-phase=verdict].is-now");
+  assert.equal(await page.textContent("#headline"), "Lifted and held.");
+  assert.match(await page.textContent("#hash"), /^Demonstration: a grasp that was searched for cube.obj/);
+  assert.equal(await page.textContent("#tally"), "None yet with this object");
+  await screenshot(page, "search");
+  assert.deepEqual(complaints, []);
   await page.close();
 });
 
@@ -108,11 +155,6 @@ test("whoever gets the link sees the same, here and on the command line", async 
 });
 
 test("a link about a file asks for it, and takes no other", async () => {
-  const cube = (side) => {
-    const corners = [0, 1, 2, 3, 4, 5, 6, 7].map((k) => `v ${[k & 1, (k >> 1) & 1, (k >> 2) & 1].map((bit) => bit * side).join(" ")}`);
-    const faces = ["1 3 4 2", "5 6 8 7", "1 2 6 5", "3 7 8 4", "1 5 7 3", "2 4 8 6"].map((face) => `f ${face}`);
-    return { name: "cube.obj", mimeType: "model/obj", buffer: Buffer.from([...corners, ...faces].join("\n")) };
-  };
   const context = await served.browser.newContext({ permissions: ["clipboard-read", "clipboard-write"], reducedMotion: "reduce" });
   const page = await context.newPage();
   await page.goto(served.address);

@@ -64,6 +64,16 @@ pub(crate) enum ToWorker {
     Cancel,
     /// Write the attempt as a file.
     Export,
+    /// Search grasps of what stands there. It takes its time, and nothing else is heard meanwhile: a worker of its
+    /// own is to be asked, and ended if nobody waits any more.
+    Search {
+        seed: u32,
+    },
+    /// An attempt with grasps that a search found.
+    Follow {
+        seed: u32,
+        grasps: String,
+    },
 }
 
 /// A unit of length that a file may be drawn in.
@@ -111,6 +121,8 @@ pub(crate) enum FromWorker {
     Attempted(Attempted),
     /// A batch has ended.
     BatchOver,
+    /// A search has ended.
+    Found(Found),
     File(File),
     Failure(Failure),
 }
@@ -309,6 +321,15 @@ pub(crate) struct Attempted {
     pub(crate) time: f64,
     pub(crate) hash: String,
     pub(crate) tally: Tally,
+}
+
+/// What a search found.
+#[derive(Serialize)]
+pub(crate) struct Found {
+    pub(crate) words: String,
+    /// Reliable grasps, for `Follow`.
+    pub(crate) grasps: String,
+    pub(crate) count: usize,
 }
 
 /// A file to be saved.

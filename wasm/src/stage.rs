@@ -4,18 +4,21 @@ use crate::fetch::ModelFiles;
 use crate::history::{History, Picture, Terms};
 use crate::look;
 use crate::protocol::{
-    Attempted, BuiltIn, Cloud, DepthCamera, Failure, File, Frame, Joint, Link, ObjectLoaded, Phase,
-    PlanarPose, Ready, Rectangle, Shape, Table, Verdict,
+    Attempted, BuiltIn, Cloud, DepthCamera, Failure, File, Found, Frame, Joint, Link, ObjectLoaded,
+    Phase, PlanarPose, Ready, Rectangle, Shape, Table, Verdict,
 };
 use crate::statistics::{Attempts, Tally};
 use crate::upload::{self, Loaded};
 use geometry::Pose;
+use grasps::grasp::Grasp;
+use grasps::search::{SearchConfig, search};
 use js_sys::Float32Array;
 use robot::rotation;
 use rollout::{Attempt, Controller, Demonstration, Moment, RolloutError, Workcell};
 use scene::Simulation;
 use scene::config::{CONTROL_PERIOD, scene_hash};
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 /// Robot, table and object, with an attempt or without.
 pub(crate) struct Stage {
@@ -197,6 +200,35 @@ impl Stage {
         let Loaded { object, name, label, .. } = &self.loaded;
         let name = name.as_ref().unwrap_or(label);
         Attempt::begin(&self.workcell, object, name, pose, u64::from(seed), controller)
+    }
+
+    /// Searches grasps of what stands there, in physics.
+    pub(crate) fn search(&self, seed: u32, progress: impl FnMut(f32)) -> Result<Found, Failure> {
+        let robot = &self.workcell.robot;
+        let config = SearchConfig::quick(robot);
+        let found = search(robot, &self.loaded.object, &config, u64::from(seed), progress);
+        let (set, _) = found.map_err(|error| broken(&error))?;
+        let (tried, reliable) = (set.tried, set.reliable);
+        let words = match set.grasps.len() {
+            0 => format!("{tried} grasps were tried; none lifts it reliably."),
+            _ => format!("{tried} grasps were tried; {reliable} lift it reliably."),
+        };
+        let grasps = serde_json::to_string(&set.grasps).map_err(|error| broken(&error))?;
+        Ok(Found { words, grasps, count: set.grasps.len() })
+    }
+
+    /// Begins an attempt with grasps that a search found.
+    pub(crate) fn follow(&mut self, seed: u32, grasps: &str) -> Result<Cloud, Failure> {
+        let grasps: Vec<Grasp> = serde_json::from_str(grasps).map_err(|error| broken(&error))?;
+        let PlanarPose { x, y, yaw } = self.pose;
+        let Loaded { object, label, .. } = &self.loaded;
+        let (pose, controller) = (Some([x, y, yaw]), Controller::Found(Arc::new(grasps)));
+        let attempt =
+            Attempt::begin(&self.workcell, object, label, pose, u64::from(seed), controller)
+                .map_err(|error| cannot_begin(&error))?;
+        self.seed = seed;
+        self.played = Some(format!("a grasp that was searched for {label}"));
+        Ok(self.set_off(attempt))
     }
 
     fn set_off(&mut self, attempt: Attempt) -> Cloud {

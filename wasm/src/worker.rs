@@ -142,6 +142,12 @@ impl Worker {
                 self.await_tick();
             }
             ToWorker::Cancel => self.end_batch(),
+            ToWorker::Search { seed } => self.search(seed),
+            ToWorker::Follow { seed, grasps } => {
+                post(&FromWorker::Progress(Progress::begin("Looking and planning")));
+                let begun = self.stage.follow(seed, &grasps);
+                self.set_off(begun);
+            }
             ToWorker::Export => {
                 if let Some(file) = self.stage.episode() {
                     post(&FromWorker::File(file));
@@ -185,6 +191,21 @@ impl Worker {
         post(&FromWorker::Progress(Progress::begin("Looking and planning")));
         let begun = self.stage.begin(seed);
         self.set_off(begun);
+    }
+
+    fn search(&self, seed: u32) {
+        let progress = |share: f32| {
+            let (label, unit) = ("Searching a grasp".into(), Amount::Steps);
+            let (done, total) = (f64::from(share * 100.0).round(), Some(100.0));
+            let progress = Progress { label, done, total, unit, finished: false };
+            post(&FromWorker::Progress(progress));
+        };
+        let found = self.stage.search(seed, progress);
+        post(&FromWorker::Progress(Progress::end()));
+        match found {
+            Ok(found) => post(&FromWorker::Found(found)),
+            Err(failure) => post(&FromWorker::Failure(failure)),
+        }
     }
 
     /// Plays a demonstration with the object that it was made for.

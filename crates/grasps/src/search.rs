@@ -78,6 +78,22 @@ impl SearchConfig {
         Self { closings: 800, enough: 60, centers: 18, ..Self::paper(robot) }
     }
 
+    /// A few reliable grasps of one kind or two, soon: for whoever waits.
+    pub fn quick(robot: &Robot) -> Self {
+        Self {
+            proposals: 12_000,
+            closings: 60,
+            enough: 4,
+            centers: 1,
+            variants: 200,
+            enough_variants: 2,
+            repeats: 4,
+            least_lifted: 3,
+            kinds: 3,
+            ..Self::paper(robot)
+        }
+    }
+
     /// For [`search_around`]: more of each, from fewer proposals.
     pub fn around(robot: &Robot) -> Self {
         Self { variants: 800, enough_variants: 8, ..Self::paper(robot) }

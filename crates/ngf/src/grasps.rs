@@ -27,6 +27,9 @@ pub(crate) struct Options {
     /// Look for three times as many reliable grasps.
     #[arg(long)]
     thorough: bool,
+    /// Look for a few, soon, as the page does.
+    #[arg(long, conflicts_with = "thorough")]
+    quick: bool,
     /// Files of reliable grasps of earlier searches, among which, and among more around the best of them, to choose
     /// instead of a search from the beginning: by how often each lifts when the hand comes up to 15 mm and 6 degrees
     /// beside its place, and in height up to 30 mm.
@@ -47,9 +50,10 @@ pub(crate) struct Options {
 pub(crate) fn run(options: &Options) -> Result<()> {
     let robot = Robot::standard()?;
     let (name, object) = options.object.load()?;
-    let config = match options.thorough {
-        true => SearchConfig::thorough(&robot),
-        false => SearchConfig::paper(&robot),
+    let config = match (options.thorough, options.quick) {
+        (true, _) => SearchConfig::thorough(&robot),
+        (_, true) => SearchConfig::quick(&robot),
+        _ => SearchConfig::paper(&robot),
     };
     if !options.among.is_empty() {
         let found = read_reliable(&options.among)?;

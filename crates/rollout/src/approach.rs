@@ -9,6 +9,7 @@ use geometry::object::Object;
 use geometry::{Pose, Vec3};
 use grasps::built_in::built_in;
 use grasps::demonstration::{self, TrajectoryConfig};
+use grasps::grasp::Grasp;
 use grasps::sides::all_sides;
 use grasps::{Setting, place};
 use policy::{Encoding, Model};
@@ -56,24 +57,28 @@ impl Sight<'_> {
                 let rows = targets.iter().skip(1).copied().collect();
                 Ok(Ok(Approach { rows, ticks: 0, encoding: None }))
             }
-            Controller::Planner => self.demonstrated(rng),
+            Controller::Planner => {
+                let unknown = || RolloutError::NoGrasps(self.name.to_owned());
+                let set = built_in(self.name).ok_or_else(unknown)?;
+                self.demonstrated(&set.grasps, rng)
+            }
+            Controller::Found(grasps) => self.demonstrated(grasps, rng),
             Controller::Demonstration(states) => Ok(Ok(self.starting_at_home(states))),
             Controller::Nearest(library) => self.played_back(library),
             _ => self.looked_up(controller, rng),
         }
     }
 
-    /// The first demonstration that can be planned.
+    /// The first demonstration that can be planned with one of these grasps.
     fn demonstrated(
         &self,
+        grasps: &[Grasp],
         rng: &mut ChaCha8Rng,
     ) -> Result<Result<Approach, Failure>, RolloutError> {
         let (robot, object, place) = (&self.workcell.robot, self.object, &self.world_from_object);
-        let unknown = || RolloutError::NoGrasps(self.name.to_owned());
-        let set = built_in(self.name).ok_or_else(unknown)?;
         let config = TrajectoryConfig::standard();
         let setting = Setting::new(robot, object, place);
-        for (_, posture) in setting.options(&all_sides(object, &set.grasps)) {
+        for (_, posture) in setting.options(&all_sides(object, grasps)) {
             let lift = demonstration::lift_of(&setting, &posture)?;
             if !lift.is_some_and(|lift| demonstration::rises_enough(robot, &lift)) {
                 continue;

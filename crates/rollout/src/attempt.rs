@@ -9,6 +9,7 @@ use crate::verdict::{Failure, Story, Verdict};
 use crate::workcell::{RolloutError, Workcell};
 use geometry::Vec3;
 use geometry::object::Object;
+use grasps::grasp::Grasp;
 use grasps::{Robot, demonstration, place, trial};
 use policy::Encoding;
 use rand::SeedableRng;
@@ -31,6 +32,8 @@ pub enum Controller {
     Script,
     /// A demonstration planned for this pose, with knowledge of the object.
     Planner,
+    /// The same with these grasps.
+    Found(Arc<Vec<Grasp>>),
     /// A demonstration that was made for this pose.
     Demonstration(Vec<JointState>),
     /// The demonstration that begins where the policy would: play-back without a network (control d).
@@ -224,7 +227,10 @@ impl Attempt {
             Phase::Approach => {
                 let is_planned = matches!(
                     self.controller,
-                    Controller::Planner | Controller::Demonstration(_) | Controller::Nearest(_)
+                    Controller::Planner
+                        | Controller::Found(_)
+                        | Controller::Demonstration(_)
+                        | Controller::Nearest(_)
                 );
                 if is_planned && self.phase_ticks >= self.approach_ticks {
                     self.enter(Phase::Policy);

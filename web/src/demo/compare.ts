@@ -12,7 +12,7 @@ export interface ComparisonEvents {
 }
 
 // What the second worker is not asked for.
-const ALONE = new Set<ToWorker["kind"]>(["model", "batch", "cancel", "export", "watch"]);
+const ALONE = new Set<ToWorker["kind"]>(["model", "batch", "cancel", "export", "watch", "search"]);
 
 export class Comparison {
   readonly #events: ComparisonEvents;

@@ -17,6 +17,7 @@ import { Playback } from "./panel/playback";
 import { PosePanel } from "./panel/pose";
 import { endProgress, showProgress } from "./panel/progress";
 import { ReportCard } from "./panel/report";
+import { SearchPanel } from "./panel/search";
 import { SharePanel } from "./panel/share";
 import { makeSheet } from "./panel/sheet";
 import type { FromWorker, Model, PlanarPose, Told, ToWorker } from "./protocol";
@@ -32,6 +33,7 @@ let isFirstModel = true;
 // What stands on the table, as a worker is told, and where.
 let standing: ToWorker | null = null;
 let placed: PlanarPose | null = null;
+let objectHash = "";
 let brought: Promise<void> = Promise.resolve();
 
 const failures = new Failures(() => {
@@ -82,6 +84,12 @@ const comparison = new Comparison({
   now,
   tell: (failure) => failures.show(failure),
 });
+const search = new SearchPanel({
+  now,
+  seed: () => attempt.seed,
+  follow: (grasps) => send({ kind: "follow", seed: attempt.seed, grasps }),
+  tell: (failure) => failures.show(failure),
+});
 const view = makeView();
 const share = new SharePanel({
   view: () => view?.stand() ?? [0, 0, 0, 0, 0, 0],
@@ -115,6 +123,7 @@ const pressCamera = choice("cameras", look);
 const layers: Record<Layer, HTMLInputElement> = {
   cloud: element("layer-cloud", HTMLInputElement),
   hulls: element("layer-hulls", HTMLInputElement),
+  trail: element("layer-trail", HTMLInputElement),
   sensor: element("layer-sensor", HTMLInputElement),
 };
 for (const [layer, input] of Object.entries(layers)) {
@@ -135,6 +144,7 @@ onKeys(
     r: () => playback.reset(),
     c: () => layers.cloud.click(),
     h: () => layers.hulls.click(),
+    t: () => layers.trail.click(),
     "1": () => look("front"),
     "2": () => look("side"),
     "3": () => look("top"),
@@ -168,9 +178,12 @@ function receive(message: FromWorker): void {
     case "object":
       view?.showObject(message);
       objects.select(message.name, message.label);
+      if (message.name !== null) standing = { kind: "load", object: message.name };
       report.show(message.report);
       attempt.hasObject(message.tally);
       batch.clear();
+      if (message.hash !== objectHash) search.clear();
+      objectHash = message.hash;
       share.hasObject(message);
       arrival?.showObject(message);
       if (message.name === null) shownFile = comingFile;

@@ -48,7 +48,12 @@ export type ToWorker =
   | { kind: "batch"; seed: number; attempts: number }
   | { kind: "cancel" }
   // Write the attempt as a file.
-  | { kind: "export" };
+  | { kind: "export" }
+  // Search grasps of what stands there. It takes its time, and nothing else is heard meanwhile: a worker of its own is
+  // to be asked, and ended if nobody waits any more.
+  | { kind: "search"; seed: number }
+  // An attempt with grasps that a search found.
+  | { kind: "follow"; seed: number; grasps: string };
 
 // A surface: three numbers per vertex, three indices per triangle.
 export interface Shape {
@@ -226,6 +231,15 @@ export interface Attempted {
   tally: Tally;
 }
 
+// What a search found.
+export interface Found {
+  kind: "found";
+  words: string;
+  // Reliable grasps, to be followed.
+  grasps: string;
+  count: number;
+}
+
 export interface BatchOver {
   kind: "batchOver";
 }
@@ -254,5 +268,6 @@ export type FromWorker =
   | Verdict
   | Attempted
   | BatchOver
+  | Found
   | SavedFile
   | Failure;

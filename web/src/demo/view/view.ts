@@ -9,8 +9,9 @@ import { type Colors, onColorsChange, readColors } from "./colors";
 import { dragObject } from "./drag";
 import { Motion } from "./motion";
 import { Studio } from "./studio";
+import { Trail } from "./trail";
 
-export type Layer = "cloud" | "hulls" | "sensor";
+export type Layer = "cloud" | "hulls" | "trail" | "sensor";
 
 export interface ViewEvents {
   place(pose: PlanarPose): void;
@@ -28,6 +29,7 @@ export class View {
   readonly #viewpoint: Viewpoint;
   readonly #thing = new Thing();
   readonly #cloud = new Cloud();
+  readonly #trail = new Trail();
   readonly #motion = new Motion();
   #studio: Studio | null = null;
   #sensor: Sensor | null = null;
@@ -46,7 +48,7 @@ export class View {
     this.#renderer.shadowMap.enabled = true;
     this.#renderer.shadowMap.type = PCFShadowMap;
     this.#viewpoint = new Viewpoint(canvas, () => this.#wake());
-    this.#scene.add(this.#thing.group, this.#cloud.points);
+    this.#scene.add(this.#thing.group, this.#cloud.points, this.#trail.line);
     this.#thing.group.visible = false;
 
     new ResizeObserver(() => this.#resize()).observe(canvas);
@@ -102,6 +104,7 @@ export class View {
     if (frame.running) this.#motion.moveTo(frame.poses, now);
     else this.#motion.jumpTo(frame.poses, now);
     this.#cloud.fade(frame.phase !== "idle" && frame.phase !== "approach" && frame.phase !== "policy");
+    this.#trail.show(frame);
     this.#frame = frame;
     // An object that was moved since is no longer where the cloud is.
     if (frame.phase === "idle" && !isSame(this.#seenAt, frame.pose)) this.#clearCloud();
@@ -111,6 +114,7 @@ export class View {
   setLayer(layer: Layer, on: boolean): void {
     if (layer === "cloud") this.#cloud.points.visible = on;
     if (layer === "hulls") this.#thing.showHulls(on);
+    if (layer === "trail") this.#trail.line.visible = on;
     if (layer === "sensor") this.#showsSensor = on;
     this.#wake();
   }
@@ -155,7 +159,7 @@ export class View {
   #paint(): void {
     const colors: Colors = readColors();
     this.#scene.background = colors.ground;
-    for (const painted of [this.#studio, this.#sensor, this.#thing, this.#cloud]) painted?.paint(colors);
+    for (const painted of [this.#studio, this.#sensor, this.#thing, this.#cloud, this.#trail]) painted?.paint(colors);
     this.#wake();
   }
 
