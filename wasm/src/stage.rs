@@ -17,6 +17,7 @@ use robot::rotation;
 use rollout::{Attempt, Controller, Demonstration, Moment, RolloutError, Workcell};
 use scene::Simulation;
 use scene::config::{CONTROL_PERIOD, scene_hash};
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -360,8 +361,10 @@ impl Stage {
 
     /// What is to be drawn; the clock's figures are filled in by its owner.
     pub(crate) fn frame(&self) -> Frame {
-        let at_home = self.at_home();
-        let picture = self.history.shown().unwrap_or(&at_home);
+        let picture = match self.history.shown() {
+            Some(picture) => Cow::Borrowed(picture),
+            None => Cow::Owned(self.at_home()),
+        };
         Frame {
             poses: Float32Array::from(picture.poses.as_slice()),
             pose: self.pose,

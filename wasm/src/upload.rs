@@ -95,9 +95,9 @@ pub(crate) fn read(file_name: &str, bytes: &[u8], told: Told) -> Result<Loaded, 
         );
         Stands::On(0)
     });
-    let mesh = match stands {
-        Stands::On(side) if side < rests.len() => mesh.turned(&rests[side].rotation),
-        _ => mesh,
+    let (mesh, stands) = match stands {
+        Stands::On(side) if side < rests.len() => (mesh.turned(&rests[side].rotation), stands),
+        _ => (mesh, Stands::AsInFile),
     };
     let parts = mesh::convex_parts_or_hull(&mesh);
     let object = Object::new(file_name, mesh, healing.watertight, parts.hulls, mass, FRICTION)

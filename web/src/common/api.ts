@@ -64,7 +64,8 @@ export async function send(path: string, method = "GET", body?: unknown, more: H
   throw new Refused(noServer(`${answer.url} answered ${answer.status}`));
 }
 
-function noServer(why: string): Problem {
+// Nobody who does jobs answers.
+export function noServer(why: string): Problem {
   return {
     status: 0,
     title: "No server",

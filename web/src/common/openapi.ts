@@ -1,6 +1,6 @@
 // The server's description of itself (OpenAPI 3.1), as far as a form or a page of documentation needs it.
 
-import { Refused } from "./api";
+import { noServer, Refused } from "./api";
 
 export interface Schema {
   $ref?: string;
@@ -45,13 +45,7 @@ export interface Description {
 export async function describe(): Promise<Description> {
   const answer = await fetch(new URL("../openapi.json", location.href)).catch(() => null);
   if (answer?.ok && answer.headers.get("content-type")?.includes("json")) return (await answer.json()) as Description;
-  throw new Refused({
-    status: 0,
-    title: "No server",
-    code: "no_server",
-    detail: "There is no server that does jobs behind this page.",
-    hint: "Start one with `ngf serve --data DIR` and open its address. The demo runs without any.",
-  });
+  throw new Refused(noServer("none is behind this page"));
 }
 
 // What a reference leads to.

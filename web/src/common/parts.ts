@@ -28,16 +28,16 @@ export function table(head: string[], rows: (Node | string)[][], numeric: number
   );
 }
 
-// What was refused and what to do about it; what else goes wrong is told as it is.
+// What went wrong, what to do about it, and how programs call it.
+export function failureCard(cause: string, cure: string, code: string): HTMLElement {
+  return h("article", { class: "failure", role: "alert" }, h("h2", {}, cause), cure && h("p", {}, cure), code && h("code", {}, code));
+}
+
+// What was refused; what else goes wrong is told as it is.
 export function refusal(error: unknown): HTMLElement {
-  const problem = error instanceof Refused ? error.problem : null;
-  return h(
-    "article",
-    { class: "failure", role: "alert" },
-    h("h2", {}, problem?.detail ?? String(error)),
-    h("p", {}, problem?.hint ?? "Reload the page; if it happens again, report it."),
-    problem && h("code", {}, [problem.code, problem.request_id].filter(Boolean).join(" ")),
-  );
+  if (!(error instanceof Refused)) return failureCard(String(error), "Reload the page; if it happens again, report it.", "");
+  const { detail, hint, code, request_id } = error.problem;
+  return failureCard(detail, hint, [code, request_id].filter(Boolean).join(" "));
 }
 
 export function download(url: string, label: string, bytes?: number): HTMLElement {

@@ -2,7 +2,7 @@
 
 import { API, ask, type List } from "../common/api";
 import { button, h } from "../common/dom";
-import { download, facts, link, refusal, section } from "../common/parts";
+import { download, facts, failureCard, link, refusal, section } from "../common/parts";
 import { duration, number, when } from "../common/words";
 import { Charts } from "./charts";
 import { Checkpoints } from "./checkpoints";
@@ -90,7 +90,7 @@ export class Detail implements View {
     if (this.#seen === job.status) return;
     this.#seen = job.status;
     this.#buttons.replaceChildren(...this.#actions(job));
-    this.#error.replaceChildren(...(job.error ? [errorCard(job)] : []));
+    this.#error.replaceChildren(...(job.error ? [failed(job.error)] : []));
     void this.#showMade();
   }
 
@@ -168,14 +168,8 @@ function stands(job: Job): string {
   return progressInWords(job);
 }
 
-function errorCard({ error }: Job): HTMLElement {
-  return h(
-    "article",
-    { class: "failure", role: "alert" },
-    h("h2", {}, error?.message ?? ""),
-    error?.hint ? h("p", {}, error.hint) : null,
-    h("code", {}, [error?.code, error?.param].filter(Boolean).join(" ")),
-  );
+function failed({ message, hint, code, param }: NonNullable<Job["error"]>): HTMLElement {
+  return failureCard(message, hint ?? "", [code, param].filter(Boolean).join(" "));
 }
 
 function outputs(job: Job): HTMLElement | string {
