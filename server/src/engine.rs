@@ -74,6 +74,8 @@ pub struct Engine {
     url: OnceLock<String>,
     /// Ends the processes that were started here: of each job the one of an attempt.
     kills: Mutex<HashMap<String, (u64, oneshot::Sender<()>)>>,
+    /// Held by whoever takes the models that a training writes on its way.
+    taking: tokio::sync::Mutex<()>,
     wake: Notify,
     /// Nobody else may work in the folder while this is open.
     _lock: File,
@@ -111,6 +113,7 @@ impl Engine {
             config,
             url: OnceLock::new(),
             kills: Mutex::default(),
+            taking: tokio::sync::Mutex::default(),
             wake: Notify::new(),
             _lock: lock,
         };
@@ -393,18 +396,14 @@ impl Engine {
         let hash = blake3::hash(token.as_bytes());
         // Files are being kept while nothing else is heard of the process.
         let keeps = |note: &Note| matches!(note, Note::Checkpoint { .. });
-        let is_long = report.ended.is_some() || report.notes.iter().any(keeps);
+        let has_checkpoints = report.notes.iter().any(keeps);
+        let is_long = report.ended.is_some() || has_checkpoints;
         let lease = if is_long { LONG_LEASE } else { LEASE };
         let until = (Utc::now() + lease).timestamp_millis();
         if !self.store.renew(id, hash.as_bytes(), until).await? {
             return Err(Problem::not_its_turn());
         }
         let Report { number, worker, phase, progress, notes, ended } = report;
-        let checkpoints = notes.iter().filter_map(|note| match note {
-            Note::Checkpoint { step } => Some(*step),
-            _ => None,
-        });
-        let checkpoints: Vec<u64> = checkpoints.collect();
         let mut further = Vec::new();
         let told = |job: &mut Job, news: &mut Vec<News>| {
             if !job.status.has_process() {
@@ -455,8 +454,8 @@ impl Engine {
         for (kind, unit, by) in further {
             self.metrics.came_further(kind, &unit, by);
         }
-        for step in checkpoints {
-            self.keep_checkpoint(&job, step).await?;
+        if has_checkpoints {
+            self.take_checkpoints(&job).await?;
         }
         match ended {
             None => {}
@@ -626,6 +625,7 @@ impl Job {
             outputs: crate::job::Outputs::default(),
             latest_metrics: Map::new(),
             checkpoint_count: 0,
+            checkpoint_step: 0,
             error: None,
             worker: None,
             attempt: 0,

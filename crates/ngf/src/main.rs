@@ -7,6 +7,7 @@ mod dataset;
 mod engine;
 mod environment;
 mod evaluate;
+mod examine;
 mod grasps;
 mod link;
 mod mesh;
@@ -44,6 +45,8 @@ enum Command {
     Train(train::Options),
     /// Run attempts by the protocol and count them.
     Evaluate(evaluate::Options),
+    /// Roll a policy out on the poses of a dataset: how far off it ends, object by object.
+    Examine(examine::Options),
     /// Compare the paper's policies on the same attempts, with controls, as table and figure.
     Suite(suite::Options),
     /// Measure what runs in an attempt.
@@ -74,6 +77,7 @@ fn run(command: &Command) -> anyhow::Result<()> {
         Command::Dataset(options) => dataset::run(options),
         Command::Train(options) => train::run(options),
         Command::Evaluate(options) => evaluate::run(options),
+        Command::Examine(options) => examine::run(options),
         Command::Suite(options) => suite::run(options),
         Command::Bench(options) => bench::run(options),
         Command::Replay(options) => replay::run(options),

@@ -7,6 +7,7 @@ use anyhow::{Context, Result};
 use serde_json::{Map, Value};
 use server::engine::{Answer, Command, Ended, JOB_FILE, JobFile, Note, Progress, Report, Worker};
 use std::fs::File;
+use std::path::Path;
 use std::sync::{Mutex, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -113,9 +114,28 @@ pub(crate) fn metric(values: &Value) {
     note(|| Note::Metric(values.as_object().cloned().unwrap_or_default()));
 }
 
-/// A model that can be used was written.
-pub(crate) fn checkpoint(step: u64) {
+/// A model that can be used is there after `step` steps: `write` is given a folder for it beside the results. Nothing is
+/// written where no server waits for it, which takes the folder away.
+pub(crate) fn checkpoint(
+    out: &Path,
+    step: u64,
+    write: impl FnOnce(&Path) -> Result<()>,
+) -> Result<()> {
+    if REPORTER.get().is_none() {
+        return Ok(());
+    }
+    let folder = out.join(format!("step-{step}"));
+    // It is there as a whole or not at all; a process that was killed after these steps takes them again.
+    if !folder.exists() {
+        let begun = out.join(format!(".step-{step}"));
+        std::fs::create_dir_all(&begun)
+            .with_context(|| format!("cannot make {}", begun.display()))?;
+        write(&begun)?;
+        std::fs::rename(&begun, &folder)
+            .with_context(|| format!("cannot rename {}", begun.display()))?;
+    }
     note(|| Note::Checkpoint { step });
+    Ok(())
 }
 
 fn note(note: impl FnOnce() -> Note) {

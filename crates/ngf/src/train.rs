@@ -6,6 +6,9 @@ mod log;
 mod policy;
 mod start;
 
+pub(crate) use exam::Spread;
+pub(crate) use policy::read_model;
+
 use crate::environment;
 use anyhow::Result;
 use std::path::PathBuf;

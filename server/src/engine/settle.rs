@@ -38,6 +38,7 @@ impl Engine {
                 found.outputs.dataset_id = Some(self.take_dataset(job, &out).await?);
             }
             Kind::EncoderTrain | Kind::PolicyTrain => {
+                self.take_checkpoints(job).await?;
                 let files = self.keep_all(job, &out, &mut found).await?;
                 let kind = if job.kind == Kind::EncoderTrain { "encoder" } else { "policy" };
                 let id = self.add_model(job, kind, &files, None).await?;
@@ -109,18 +110,31 @@ impl Engine {
         Ok(id)
     }
 
-    /// Keeps the model that a training has written on its way.
-    pub(super) async fn keep_checkpoint(&self, job: &Job, step: u64) -> Result<(), StoreError> {
-        let out = self.folder(&job.id).join(command::OUT);
+    /// Takes the models that a training has written on its way, each in a folder of its own that does not change. Whatever
+    /// is interrupted here, by the end of the process or of the server, is done when it is next called.
+    pub(super) async fn take_checkpoints(&self, job: &Job) -> Result<(), StoreError> {
+        // A process may have ended while the server did what it had asked for, and the next one asks already.
+        let _alone = self.taking.lock().await;
+        for (step, folder) in checkpoints(&self.folder(&job.id).join(command::OUT))? {
+            self.keep_checkpoint(job, step, &folder).await?;
+            tokio::fs::remove_dir_all(&folder).await?;
+        }
+        Ok(())
+    }
+
+    /// Keeps one of them, and says so once.
+    async fn keep_checkpoint(&self, job: &Job, step: u64, folder: &Path) -> Result<(), StoreError> {
         let mut files = Vec::new();
         for name in MODEL_FILES {
-            let path = out.join(name);
-            if path.exists() {
-                files.push(self.store.keep(&job.id, &format!("step-{step}/{name}"), &path).await?);
-            }
+            let path = folder.join(name);
+            files.push(self.store.keep(&job.id, &format!("step-{step}/{name}"), &path).await?);
         }
         let id = self.add_model(job, "policy", &files, Some(step)).await?;
         let told = |job: &mut Job, news: &mut Vec<News>| {
+            if step <= job.checkpoint_step {
+                return Ok(());
+            }
+            job.checkpoint_step = step;
             job.checkpoint_count += 1;
             let data = json!({
                 "step": step, "model_id": id, "bytes": files.iter().map(|f| f.bytes).sum::<u64>(),
@@ -222,6 +236,20 @@ impl Engine {
 
 /// Files that make a policy, weights first.
 const MODEL_FILES: [&str; 3] = ["weights.safetensors", "starts.safetensors", "config.json"];
+
+/// The models that a training has written on its way and that are not taken yet: steps and folders, in order.
+fn checkpoints(out: &Path) -> io::Result<Vec<(u64, PathBuf)>> {
+    let mut found = Vec::new();
+    for entry in std::fs::read_dir(out)? {
+        let entry = entry?;
+        let name = entry.file_name().to_string_lossy().into_owned();
+        if let Some(step) = name.strip_prefix("step-").and_then(|step| step.parse().ok()) {
+            found.push((step, entry.path()));
+        }
+    }
+    found.sort();
+    Ok(found)
+}
 
 /// Files of a folder, by name.
 fn files(folder: &Path) -> io::Result<Vec<PathBuf>> {

@@ -44,6 +44,9 @@ pub(crate) struct Job {
     pub(crate) latest_metrics: Map<String, Value>,
     /// Models that it wrote on its way.
     pub(crate) checkpoint_count: u64,
+    /// Steps of the last one of them.
+    #[serde(default)]
+    pub(crate) checkpoint_step: u64,
     /// Why it failed.
     pub(crate) error: Option<Failure>,
     /// Who works on it.

@@ -45,9 +45,17 @@ pub(super) struct Found {
 
 /// Median and 9 of 10.
 #[derive(serde::Serialize)]
-struct Spread {
-    median: f64,
-    p90: f64,
+pub(crate) struct Spread {
+    pub(crate) median: f64,
+    pub(crate) p90: f64,
+}
+
+impl Spread {
+    /// Of sorted values, if there are any.
+    pub(crate) fn of(sorted: &[f64]) -> Option<Self> {
+        let at = |tenths: usize| sorted.get(sorted.len() * tenths / 10).copied();
+        Some(Self { median: at(5)?, p90: at(9)? })
+    }
 }
 
 impl Exam {
@@ -79,9 +87,8 @@ impl Exam {
             let shown = spread(lessons);
             let errors =
                 self.threads.install(|| training::fingertip_errors(tree, &network, &shown));
-            let at = |share: usize| errors.get(errors.len() * share / 10).copied();
-            if let (Some(median), Some(p90)) = (at(5), at(9)) {
-                fingertip_error_m.insert(label, Spread { median, p90 });
+            if let Some(spread) = Spread::of(&errors) {
+                fingertip_error_m.insert(label, spread);
             }
         }
         let [_, (_, held_out)] = lessons;

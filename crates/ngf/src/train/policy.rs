@@ -119,8 +119,8 @@ impl Watcher for School<'_> {
                 report::say(&format!("step {}: {found}", now.step));
             }
             training::write_files(self.out, &files)?;
-            // It can be tried from now on.
-            report::checkpoint(now.step);
+            let write = |folder: &Path| training::write_files(folder, &files);
+            report::checkpoint(self.out, now.step, write)?;
         }
         Ok(true)
     }
@@ -131,7 +131,7 @@ impl Watcher for School<'_> {
 }
 
 /// Weights and configuration of a model.
-fn read_model(folder: &Path) -> Result<(Vec<u8>, ModelConfig)> {
+pub(crate) fn read_model(folder: &Path) -> Result<(Vec<u8>, ModelConfig)> {
     let config = ModelConfig::parse(&read_file(folder, "config.json")?)?;
     Ok((read_file(folder, "weights.safetensors")?, config))
 }

@@ -215,7 +215,9 @@ fn ten_thousand_tiny_uploads_are_taken() {
 #[ignore = "half a minute: cargo xtask prove"]
 fn a_body_that_never_ends_is_given_up() {
     let folder = tempfile::tempdir().unwrap();
-    let server = Server::start(&folder.path().join("data"));
+    let mut serve = Command::new(env!("CARGO_BIN_EXE_ngf"));
+    serve.args(["serve", "--port", "0", "--rate", "1000000", "--data"]);
+    let server = Server::spawn(serve.arg(folder.path().join("data")));
     let address = server.url.strip_prefix("http://").unwrap();
     let mut slow: Vec<TcpStream> = (0..100)
         .map(|_| {

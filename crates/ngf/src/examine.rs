@@ -1,0 +1,69 @@
+//! `ngf examine`: free roll-outs of a policy on the poses of a dataset, object by object: does it know what it was
+//! taught, and what lies between?
+
+use crate::train::{Spread, read_model};
+use ::policy::Network;
+use ::policy::weights::Tensors;
+use anyhow::Result;
+use dataset::Dataset;
+use imitation::lesson::Lesson;
+use imitation::training::{self, TrainedEncoder};
+use robot::Tree;
+use std::path::PathBuf;
+
+/// What is examined.
+#[derive(clap::Args)]
+pub(crate) struct Options {
+    /// Folder of the model.
+    #[arg(long, value_name = "DIR")]
+    model: PathBuf,
+    /// Folder of the dataset.
+    #[arg(long, value_name = "DIR")]
+    data: PathBuf,
+    /// Lessons, object poses at a bearing, of each object and kind.
+    #[arg(long, default_value_t = 20)]
+    lessons: usize,
+}
+
+/// Prints a line for each object: how far off the fingertips end on poses that were taught, and on held-out ones.
+pub(crate) fn run(options: &Options) -> Result<()> {
+    let tree = Tree::iiwa7_allegro()?;
+    let (weights, config) = read_model(&options.model)?;
+    let network = Network::load(&Tensors::parse(&weights)?, &config.policy, &tree.limits)?;
+    let encoder = TrainedEncoder::of_model(&weights)?;
+    let data = Dataset::open(&options.data)?;
+    let observation = config.policy.observation;
+    let (taught, held_out) = training::lessons(&data, &encoder, observation, usize::MAX)?;
+    println!("{:18} {:>18} {:>18}", "fingertips off, mm", "taught", "held out");
+    let mut all = [Vec::new(), Vec::new()];
+    for (object, name) in data.config.objects.iter().enumerate() {
+        print!("{name:18}");
+        for (lessons, all) in [&taught, &held_out].into_iter().zip(&mut all) {
+            let of_it = |lesson: &&Lesson| lesson.pose / data.config.poses == object;
+            let lessons: Vec<&Lesson> = lessons.iter().filter(of_it).collect();
+            let every = lessons.len().div_ceil(options.lessons.max(1)).max(1);
+            let lessons: Vec<&Lesson> = lessons.into_iter().step_by(every).collect();
+            let errors = training::fingertip_errors(&tree, &network, &lessons);
+            print_spread(&errors);
+            all.extend(errors);
+        }
+        println!();
+    }
+    print!("{:18}", "all");
+    for errors in &mut all {
+        errors.sort_by(f64::total_cmp);
+        print_spread(errors);
+    }
+    println!();
+    Ok(())
+}
+
+/// Median, 9 of 10, and how many there are.
+fn print_spread(sorted: &[f64]) {
+    match Spread::of(sorted) {
+        Some(Spread { median, p90 }) => {
+            print!(" {:6.1} {:6.1} ({:3})", 1e3 * median, 1e3 * p90, sorted.len());
+        }
+        None => print!(" {:>19}", "none"),
+    }
+}
