@@ -221,7 +221,7 @@ impl Engine {
         // 244 random bits.
         let half = || uuid::Uuid::new_v4().simple();
         let token = format!("{}{}", half(), half());
-        let until = (Utc::now() + LEASE).timestamp_millis();
+        let until = soon(LEASE);
         self.store.lease(id, blake3::hash(token.as_bytes()).as_bytes(), until).await?;
         let run = |job: &mut Job, news: &mut Vec<News>| {
             if job.status != Status::Queued {
@@ -398,8 +398,7 @@ impl Engine {
         let keeps = |note: &Note| matches!(note, Note::Checkpoint { .. });
         let has_checkpoints = report.notes.iter().any(keeps);
         let is_long = report.ended.is_some() || has_checkpoints;
-        let lease = if is_long { LONG_LEASE } else { LEASE };
-        let until = (Utc::now() + lease).timestamp_millis();
+        let until = soon(if is_long { LONG_LEASE } else { LEASE });
         if !self.store.renew(id, hash.as_bytes(), until).await? {
             return Err(Problem::not_its_turn());
         }
@@ -474,8 +473,20 @@ impl Engine {
                 self.end(id, job.attempt, Err(failure)).await?;
             }
         }
-        let command = if wish == Wish::Run { Command::Go } else { Command::Stop };
-        Ok(Answer { command })
+        if wish != Wish::Run {
+            // It ends at once; one that another server started has nobody else who would settle it.
+            self.vanished(id, Some(job.attempt)).await?;
+            return Ok(Answer { command: Command::Stop });
+        }
+        if has_checkpoints {
+            self.store.renew(id, hash.as_bytes(), soon(LEASE)).await?;
+        }
+        Ok(Answer { command: Command::Go })
+    }
+
+    /// Whether a token is that of the process whose turn it is.
+    pub(crate) async fn is_its_turn(&self, id: &str, token: &str) -> Result<bool, Problem> {
+        Ok(self.store.is_its_turn(id, blake3::hash(token.as_bytes()).as_bytes()).await?)
     }
 
     /// Asks that a job is cancelled; harmless if it is.
@@ -537,7 +548,8 @@ impl Engine {
                 job.queue(news);
                 Ok(())
             }
-            Status::Queued => Ok(()),
+            // It was asked for a moment ago.
+            Status::Queued | Status::Running => Ok(()),
             _ => Err(Problem::invalid_state(job, "tried again")),
         })
         .await
@@ -650,6 +662,11 @@ impl Job {
         let data = json!({ "status": status, "outputs": self.outputs, "error": self.error });
         news.push(News { level, ..News::new(Type::Status, message, data) });
     }
+}
+
+/// The time (ms) after so long from now.
+fn soon(after: Duration) -> i64 {
+    (Utc::now() + after).timestamp_millis()
 }
 
 /// Writes a file that only its owner reads.

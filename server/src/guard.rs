@@ -48,16 +48,17 @@ pub(crate) async fn guard(State(state): State<AppState>, request: Request, next:
             return Problem::foreign_origin(host).into_response();
         }
         if !is_report {
-            if !state.admits(bearer(request.headers())) {
-                let challenge = [(header::WWW_AUTHENTICATE, "Bearer")];
-                return (challenge, Problem::unauthorized()).into_response();
-            }
+            // Those who try tokens are counted, too.
             let from = request.extensions().get::<ConnectInfo<SocketAddr>>();
             if let Some(Err(wait)) = from.map(|ConnectInfo(from)| state.pace.count(from.ip())) {
                 let seconds = wait.as_secs_f64().ceil().max(1.0);
                 let after = [(header::RETRY_AFTER, seconds.to_string())];
                 let most = state.limits.changes_per_second.get();
                 return (after, Problem::too_often(most)).into_response();
+            }
+            if !state.admits(bearer(request.headers())) {
+                let challenge = [(header::WWW_AUTHENTICATE, "Bearer")];
+                return (challenge, Problem::unauthorized()).into_response();
             }
         }
     }

@@ -32,6 +32,11 @@ pub(crate) async fn secure(mut response: Response) -> Response {
     for (name, value) in HEADERS {
         response.headers_mut().insert(name, HeaderValue::from_static(value));
     }
+    // What may be kept says so itself.
+    if is_json(response.headers()) {
+        let kept = response.headers_mut().entry(header::CACHE_CONTROL);
+        kept.or_insert(HeaderValue::from_static("no-store"));
+    }
     response
 }
 
@@ -59,16 +64,19 @@ pub(crate) fn shared(origins: &[HeaderValue]) -> Option<CorsLayer> {
     })
 }
 
+fn is_json(headers: &HeaderMap) -> bool {
+    let kind = headers.get(header::CONTENT_TYPE).and_then(|value| value.to_str().ok());
+    kind.is_some_and(|kind| kind.starts_with("application/json"))
+}
+
 /// Shorter answers gain nothing.
 const WORTH_COMPRESSING: u64 = 1024;
 
 /// Compresses answers in JSON. Weights gain 8 % (gzip -9) and lose ranges; the page is compressed beforehand; a
 /// stream must come through as it is.
 pub(crate) fn compressed() -> CompressionLayer<impl Predicate> {
-    let is_json = |_: StatusCode, _: Version, headers: &HeaderMap, _: &Extensions| {
-        let kind = headers.get(header::CONTENT_TYPE).and_then(|value| value.to_str().ok());
-        kind.is_some_and(|kind| kind.starts_with("application/json"))
-            && !headers.contains_key(header::CONTENT_RANGE)
+    let is_worth_it = |_: StatusCode, _: Version, headers: &HeaderMap, _: &Extensions| {
+        is_json(headers) && !headers.contains_key(header::CONTENT_RANGE)
     };
-    CompressionLayer::new().compress_when(SizeAbove::new(WORTH_COMPRESSING).and(is_json))
+    CompressionLayer::new().compress_when(SizeAbove::new(WORTH_COMPRESSING).and(is_worth_it))
 }

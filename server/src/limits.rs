@@ -13,7 +13,7 @@ pub struct Limits {
     pub changes_per_second: NonZeroU32,
     /// Bytes of all meshes that are kept.
     pub kept_mesh_bytes: u64,
-    /// Bytes of the disk that stay free: nothing new begins below.
+    /// Bytes of the disk that stay free: no job and no mesh is taken below.
     pub free_bytes: u64,
 }
 

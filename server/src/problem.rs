@@ -6,6 +6,7 @@ use axum::Json;
 use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde_json::json;
+use std::time::Duration;
 
 /// What went wrong, for a program (`code`) and for a person (`detail`, `hint`).
 #[derive(Clone, Debug)]
@@ -68,9 +69,9 @@ impl Problem {
         Self { status, code, detail, hint: hint.into(), param: None }
     }
 
-    /// The body is no JSON.
+    /// The body is no JSON object.
     pub(crate) fn malformed(why: &str) -> Self {
-        let detail = format!("the body is no JSON: {why}");
+        let detail = format!("the body is no JSON object: {why}");
         Self::new(StatusCode::BAD_REQUEST, "malformed_json", detail, "send a JSON object")
     }
 
@@ -219,6 +220,18 @@ impl Problem {
     pub(crate) fn broken_off(why: &str) -> Self {
         let detail = format!("the body broke off: {why}");
         Self::new(StatusCode::BAD_REQUEST, "body_incomplete", detail, "send it again")
+    }
+
+    /// A body took too long to arrive.
+    pub(crate) fn too_slow(most: Duration) -> Self {
+        let detail = format!("the body was not there after {} s", most.as_secs());
+        Self::new(StatusCode::REQUEST_TIMEOUT, "body_too_slow", detail, "send it again")
+    }
+
+    /// The server's data cannot be read.
+    pub(crate) fn not_ready() -> Self {
+        let detail = "the data of the server cannot be read".to_owned();
+        Self::new(StatusCode::SERVICE_UNAVAILABLE, "not_ready", detail, "look at its disk")
     }
 
     /// A handler panicked.

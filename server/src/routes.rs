@@ -14,7 +14,7 @@ use crate::extract::MOST_BODY;
 use crate::{AppState, Problem};
 use axum::extract::{DefaultBodyLimit, FromRequestParts};
 use axum::http::request::Parts;
-use axum::http::{Method, StatusCode, Uri};
+use axum::http::{Method, Uri};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{any, get};
 use axum::{Json, Router};
@@ -45,14 +45,18 @@ pub(crate) fn router() -> (Router<AppState>, OpenApi) {
         .routes(routes!(datasets::episodes))
         .routes(routes!(datasets::episode))
         .layer(DefaultBodyLimit::max(MOST_BODY));
+    // An upload has bounds of its own; those of the extractor for forms are narrower.
+    let meshes = OpenApiRouter::new()
+        .routes(routes!(meshes::list, meshes::upload))
+        .routes(routes!(meshes::get, meshes::delete))
+        .routes(routes!(meshes::file))
+        .layer(DefaultBodyLimit::disable());
     let v1 = OpenApiRouter::new()
         .routes(routes!(models::list))
         .routes(routes!(models::card))
         .routes(routes!(models::file))
-        .routes(routes!(meshes::list, meshes::upload))
-        .routes(routes!(meshes::get, meshes::delete))
-        .routes(routes!(meshes::file))
-        .merge(short);
+        .merge(short)
+        .merge(meshes);
     let (v1, api) = OpenApiRouter::new().nest("/api/v1", v1).split_for_parts();
     let router = Router::new()
         .route("/healthz", get(health))
@@ -97,8 +101,7 @@ async fn ready(axum::extract::State(state): axum::extract::State<AppState>) -> R
     };
     match is_ready {
         true => Json(json!({ "status": "ready" })).into_response(),
-        false => (StatusCode::SERVICE_UNAVAILABLE, Json(json!({ "status": "not ready" })))
-            .into_response(),
+        false => Problem::not_ready().into_response(),
     }
 }
 

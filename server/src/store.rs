@@ -44,6 +44,8 @@ pub(crate) struct Store {
     writer: SqlitePool,
     readers: SqlitePool,
     artifacts: std::sync::Arc<dyn object_store::ObjectStore>,
+    /// Held while files are kept or forgotten: what is found to be there stays until it is written down whose it is.
+    keeping: std::sync::Arc<tokio::sync::Mutex<()>>,
     /// Number of the last event.
     last: watch::Sender<i64>,
 }
@@ -71,7 +73,13 @@ impl Store {
             .fetch_one(&writer)
             .await?;
         let last = watch::Sender::new(last);
-        Ok(Self { writer, readers, artifacts: std::sync::Arc::new(artifacts), last })
+        Ok(Self {
+            writer,
+            readers,
+            artifacts: std::sync::Arc::new(artifacts),
+            keeping: std::sync::Arc::default(),
+            last,
+        })
     }
 
     /// Whether it answers.

@@ -34,9 +34,12 @@ enum Command {
     Check,
     /// Everything that CI runs, in the browser too; ends with a count.
     Test,
-    /// What takes longer: the attempts of a hundred seeds in the browser, bit for bit as natively; violent ends of jobs,
-    /// a crowd of readers, and requests of every kind.
-    Prove,
+    /// What takes longer, all of it or what is named: attempts in the browser, bit for bit as natively; violent ends of
+    /// jobs and a crowd of readers; requests of every kind; mutated files.
+    Prove {
+        #[arg(value_name = "PROOF")]
+        proofs: Vec<stages::Proof>,
+    },
     /// Measure.
     Bench {
         /// Also write the rows to this file.
@@ -53,7 +56,7 @@ fn main() -> ExitCode {
         Command::Demo(options) => demo::run(&place, &options).map(|()| true),
         Command::Check => stages::check(&place),
         Command::Test => stages::test(&place),
-        Command::Prove => stages::prove(&place),
+        Command::Prove { proofs } => stages::prove(&place, &proofs),
         Command::Bench { json, peers } => bench::run(&place, json.as_deref(), peers).map(|()| true),
     });
     match done {

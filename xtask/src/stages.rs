@@ -56,22 +56,45 @@ pub(crate) fn test(place: &Place) -> Result<bool> {
 }
 
 /// What takes too long for every change.
-pub(crate) fn prove(place: &Place) -> Result<bool> {
-    chromium::find(place)?;
+#[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub(crate) enum Proof {
+    /// The attempts of a hundred seeds in the browser, bit for bit as natively.
+    Attempts,
+    /// Violent ends of jobs, a crowd of readers, ten thousand uploads, bodies that never end.
+    Jobs,
+    /// Requests of every kind.
+    Requests,
+    /// Mutated meshes, weights and jobs.
+    Fuzz,
+}
+
+/// Some of the proofs, or all if none is named.
+pub(crate) fn prove(place: &Place, named: &[Proof]) -> Result<bool> {
+    let wanted = |proof| named.is_empty() || named.contains(&proof);
     let mut stages = Stages::new();
-    stages.stage("attempts in the browser", |stages| {
-        let mut tests = wasm_tests(place)?;
-        tests.args(["--test", "attempts", "--", "--nocapture"]);
-        tests.env("NGF_ATTEMPTS", "50").env("WASM_BINDGEN_TEST_TIMEOUT", PROOF_SECONDS);
-        stages.count(&mut tests)
-    });
-    stages.stage("jobs", |stages| {
-        let mut cargo = place.cargo(&["test", "--workspace", "--no-fail-fast", "--test", "jobs"]);
-        cargo.args(NOT_NATIVE).args(["--", "--ignored", "--nocapture", "--test-threads", "1"]);
-        stages.count(&mut cargo)
-    });
-    stages.stage("requests", |_| requests(place));
-    stages.stage("fuzz", |_| fuzz(place));
+    if wanted(Proof::Attempts) {
+        chromium::find(place)?;
+        stages.stage("attempts in the browser", |stages| {
+            let mut tests = wasm_tests(place)?;
+            tests.args(["--test", "attempts", "--", "--nocapture"]);
+            tests.env("NGF_ATTEMPTS", "50").env("WASM_BINDGEN_TEST_TIMEOUT", PROOF_SECONDS);
+            stages.count(&mut tests)
+        });
+    }
+    if wanted(Proof::Jobs) {
+        stages.stage("jobs", |stages| {
+            let proofs = ["test", "--workspace", "--no-fail-fast", "--test", "jobs"];
+            let mut cargo = place.cargo(&proofs);
+            cargo.args(NOT_NATIVE).args(["--", "--ignored", "--nocapture", "--test-threads", "1"]);
+            stages.count(&mut cargo)
+        });
+    }
+    if wanted(Proof::Requests) {
+        stages.stage("requests", |_| requests(place));
+    }
+    if wanted(Proof::Fuzz) {
+        stages.stage("fuzz", |_| fuzz(place));
+    }
     Ok(stages.report())
 }
 

@@ -84,6 +84,14 @@ fn killed_and_resumed_it_ends_in_the_same_weights() {
         }
     }
 
+    // What it can do on the poses that it was taught is told for each object.
+    let mut examine = Command::new(env!("CARGO_BIN_EXE_ngf"));
+    examine.args(["examine", "--lessons", "2", "--model"]).arg(&whole).arg("--data").arg(&data);
+    let said = String::from_utf8(succeeded(examine).stdout).unwrap();
+    let row = said.lines().find(|line| line.starts_with("sugar_box")).unwrap();
+    let numbers: Vec<f64> = row.split_whitespace().filter_map(|word| word.parse().ok()).collect();
+    assert!(numbers.len() >= 2 && numbers[0] > 1.0 && numbers[1] >= numbers[0], "{said}");
+
     // The last checkpoint is cut short: the one before it is used, and its steps are taken again.
     let checkpoint = killed.join("policy.checkpoint.safetensors");
     let bytes = std::fs::read(&checkpoint).unwrap();

@@ -11,20 +11,21 @@ use serde_json::{Map, Value};
 use utoipa::ToSchema;
 use utoipa::openapi::schema::{ObjectBuilder, Schema, SchemaType, Type};
 
-/// The parameters of a job; once resolved, nothing is left open.
+/// The parameters of a job; once resolved, nothing is left open. They are read back by what they must have: those of a
+/// dataset, which need nothing, come last.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(untagged)]
 pub(crate) enum Params {
-    /// See [`DatasetParams`].
-    Dataset(DatasetParams),
-    /// See [`EncoderParams`].
-    Encoder(EncoderParams),
-    /// See [`PolicyParams`].
-    Policy(PolicyParams),
-    /// See [`EvaluationParams`].
-    Evaluation(EvaluationParams),
     /// See [`MeshParams`].
     Mesh(MeshParams),
+    /// See [`PolicyParams`].
+    Policy(PolicyParams),
+    /// See [`EncoderParams`].
+    Encoder(EncoderParams),
+    /// See [`EvaluationParams`].
+    Evaluation(EvaluationParams),
+    /// See [`DatasetParams`].
+    Dataset(DatasetParams),
 }
 
 /// Demonstrations and clouds.
@@ -388,6 +389,24 @@ mod tests {
         let course = policy.course;
         assert_eq!((course.steps, course.batch, course.threads), (Some(10), Some(128), 2));
         assert_eq!((policy.policy.as_str(), policy.horizon), ("ngf-pcd", Some(90)));
+    }
+
+    #[test]
+    fn what_is_written_down_is_read_back() {
+        let mesh = json!({ "mesh_id": "msh_1", "mass_kg": 0.3 });
+        let cases = [
+            (Kind::DatasetGenerate, json!({})),
+            (Kind::DatasetGenerate, mesh.clone()),
+            (Kind::EncoderTrain, json!({ "dataset_id": "ds_1" })),
+            (Kind::PolicyTrain, json!({ "dataset_id": "ds_1", "encoder_id": "mdl_1" })),
+            (Kind::PolicyEvaluate, json!({ "model_id": "mdl_1", "object": "bleach" })),
+            (Kind::MeshPrepare, json!({ "mesh_id": "msh_1" })),
+        ];
+        for (kind, given) in cases {
+            let params = resolve(kind, given).unwrap();
+            let text = serde_json::to_string(&params).unwrap();
+            assert_eq!(serde_json::from_str::<Params>(&text).unwrap(), params, "{text}");
+        }
     }
 
     #[test]

@@ -3,7 +3,6 @@
 use super::Jobs;
 use crate::Problem;
 use crate::extract::Path;
-use axum::body::Body;
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use http_range_header::parse_range_header;
@@ -44,19 +43,19 @@ pub(crate) async fn serve(
     let is_same = text(header::IF_RANGE).is_none_or(|known| known == tag);
     let range = text(header::RANGE).filter(|range| is_same && !is_whole(range, bytes));
     let Some(range) = range.and_then(|range| parse_range_header(range).ok()) else {
-        let body = Body::from(engine.store.contents(hash, 0..bytes).await?);
+        let body = engine.store.contents(hash, 0..bytes).await?;
         return Ok((common, body).into_response());
     };
     match range.validate(bytes).as_deref() {
         Ok([one]) => {
             let (first, last) = (*one.start(), *one.end());
-            let body = Body::from(engine.store.contents(hash, first..last + 1).await?);
+            let body = engine.store.contents(hash, first..last + 1).await?;
             let place = [(header::CONTENT_RANGE, format!("bytes {first}-{last}/{bytes}"))];
             Ok((StatusCode::PARTIAL_CONTENT, common, place, body).into_response())
         }
         // Several ranges at once: all of it is as good an answer.
         Ok(_) => {
-            let body = Body::from(engine.store.contents(hash, 0..bytes).await?);
+            let body = engine.store.contents(hash, 0..bytes).await?;
             Ok((common, body).into_response())
         }
         Err(_) => {

@@ -9,7 +9,7 @@ use crate::store::{Event, Type};
 use crate::{AppState, Problem};
 use axum::Json;
 use axum::extract::State;
-use axum::http::{HeaderMap, StatusCode, header};
+use axum::http::{HeaderMap, HeaderName, StatusCode, header};
 use axum::response::sse::{Event as SseEvent, KeepAlive, Sse};
 use axum::response::{IntoResponse, Response};
 use futures_util::stream;
@@ -168,8 +168,12 @@ async fn open(
     });
     let keep = KeepAlive::new().interval(Duration::from_secs(15)).text("still here");
     let events = futures_util::StreamExt::chain(first, events);
-    let headers =
-        [(header::CACHE_CONTROL, "no-store"), (header::X_CONTENT_TYPE_OPTIONS, "nosniff")];
+    // The last one is for proxies, which would wait for more of it.
+    let headers = [
+        (header::CACHE_CONTROL, "no-store"),
+        (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
+        (HeaderName::from_static("x-accel-buffering"), "no"),
+    ];
     Ok((headers, Sse::new(events).keep_alive(keep)).into_response())
 }
 

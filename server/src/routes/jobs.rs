@@ -13,7 +13,7 @@ use crate::store::{Created, Filter, News, Type};
 use crate::{AppState, Problem};
 use axum::Json;
 use axum::body::Body;
-use axum::extract::State;
+use axum::extract::{FromRequest, Request as Asked, State};
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde::Deserialize;
@@ -142,6 +142,7 @@ pub(crate) async fn create(
     headers: HeaderMap,
     Whole(body): Whole,
 ) -> Result<Response, Problem> {
+    let is_dry = flag(&query, "dry_run")?;
     let key = headers.get("idempotency-key").map(|key| key.to_str().unwrap_or_default());
     if key.is_some_and(|key| key.is_empty() || key.len() > 255) {
         return Err(Problem::invalid("Idempotency-Key", "it has 1 to 255 visible characters"));
@@ -149,7 +150,7 @@ pub(crate) async fn create(
     let hash = blake3::hash(&body).to_hex().to_string();
     let key = key.map(|key| (key, hash.as_str()));
     // Whatever has changed since: what was asked for was asked for.
-    if let Some(before) = engine.store.asked(key).await? {
+    if !is_dry && let Some(before) = engine.store.asked(key).await? {
         return created(before);
     }
     let request: Request = read_json(&body)?;
@@ -167,18 +168,35 @@ pub(crate) async fn create(
     let inputs = engine.inputs(&params).await?;
     let mut job = Job::new(request.kind, params, inputs);
     (job.name, job.metadata, job.priority) = (request.name, request.metadata, request.priority);
-    if query.get("dry_run").is_some_and(|value| value == "true") {
+    if is_dry {
         let estimate = engine.estimate(&job).await?;
         return Ok(Json(job.draft(estimate)).into_response());
     }
+    has_room(&state, &engine).await?;
+    let answer = created(engine.store.create(&job, key).await?);
+    engine.wake();
+    answer
+}
+
+/// Refuses another job where too many wait, or where the disk is full.
+async fn has_room(state: &AppState, engine: &Engine) -> Result<(), Problem> {
     let most = state.limits.queued;
     if engine.store.ids_in(&[Status::Queued]).await?.len() >= most {
         return Err(Problem::queue_full(most));
     }
-    state.limits.leave_space(engine.data())?;
-    let answer = created(engine.store.create(&job, key).await?);
-    engine.wake();
-    answer
+    state.limits.leave_space(engine.data())
+}
+
+/// The one thing that may be asked for behind the path, true or false.
+fn flag(query: &BTreeMap<String, String>, name: &str) -> Result<bool, Problem> {
+    if let Some(other) = query.keys().find(|key| *key != name) {
+        return Err(Problem::invalid(other, "there is no such parameter"));
+    }
+    match query.get(name).map(String::as_str) {
+        None | Some("false") => Ok(false),
+        Some("true") => Ok(true),
+        Some(_) => Err(Problem::invalid(name, "it is true or false")),
+    }
 }
 
 /// What became of asking for a job.
@@ -197,6 +215,10 @@ fn created(created: Created) -> Result<Response, Problem> {
 pub(super) fn read_json<T: serde::de::DeserializeOwned>(body: &[u8]) -> Result<T, Problem> {
     let value: Value =
         serde_json::from_slice(body).map_err(|error| Problem::malformed(&error.to_string()))?;
+    // Serde would read a list of the fields' values, too.
+    if !value.is_object() {
+        return Err(Problem::malformed("it is a value of another kind"));
+    }
     serde_path_to_error::deserialize(value).map_err(|error| {
         let text = error.inner().to_string();
         let path = error.path().to_string();
@@ -336,6 +358,7 @@ pub(super) async fn find(engine: &Engine, id: &str) -> Result<Job, Problem> {
     responses((status = 202, description = "The job; of clone, the new one", body = JobView<'static>)),
 )]
 pub(crate) async fn act(
+    State(state): State<AppState>,
     Jobs(engine): Jobs,
     Path((id, verb)): Path<(String, String)>,
 ) -> Result<Response, Problem> {
@@ -346,7 +369,10 @@ pub(crate) async fn act(
         "retry" => engine.retry(&id).await?,
         "clone" => {
             let original = find(&engine, &id).await?;
-            let mut copy = Job::new(original.kind, original.params, original.inputs);
+            // What it works on may have been deleted.
+            let inputs = engine.inputs(&original.params).await?;
+            has_room(&state, &engine).await?;
+            let mut copy = Job::new(original.kind, original.params, inputs);
             (copy.name, copy.metadata) = (original.name, original.metadata);
             copy.priority = original.priority;
             engine.store.create(&copy, None).await?;
@@ -414,11 +440,12 @@ pub(crate) async fn delete(
     Path(id): Path<String>,
     Query(query): Query<BTreeMap<String, String>>,
 ) -> Result<StatusCode, Problem> {
+    let with_files = flag(&query, "artifacts")?;
     let job = find(&engine, &id).await?;
     if !job.status.is_terminal() {
         return Err(Problem::invalid_state(&job, "deleted"));
     }
-    if query.get("artifacts").is_some_and(|value| value == "true") {
+    if with_files {
         engine.store.forget_files(&id).await?;
     }
     engine.store.delete(&id).await?;
@@ -435,8 +462,13 @@ pub(crate) async fn report(
     Jobs(engine): Jobs,
     Path(id): Path<String>,
     headers: HeaderMap,
-    Whole(body): Whole,
+    asked: Asked,
 ) -> Result<Response, Problem> {
+    // A stranger's report is not even read.
+    if !engine.is_its_turn(&id, bearer(&headers)).await? {
+        return Err(Problem::not_its_turn());
+    }
+    let Whole(body) = Whole::from_request(asked, &()).await?;
     let report: Report = read_json(&body)?;
     Ok(Json(engine.hear(&id, bearer(&headers), report).await?).into_response())
 }

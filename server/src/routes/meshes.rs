@@ -7,6 +7,7 @@ use crate::store::RecordKind;
 use crate::{AppState, Problem};
 use axum::Json;
 use axum::body::Body;
+use axum::extract::multipart::MultipartError;
 use axum::extract::{FromRequest, Multipart, Request, State};
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
@@ -15,6 +16,8 @@ use geometry::mesh::{self, MAX_BYTES, Report};
 use http_body_util::{BodyExt, Limited};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
+use std::time::Duration;
+use tokio::sync::Semaphore;
 
 /// Characters of a file's name that are kept.
 const MOST_NAME: usize = 100;
@@ -37,9 +40,11 @@ pub(crate) async fn upload(
         return Err(Problem::meshes_full(most));
     }
     let given = query.get("name").cloned();
-    let (name, bytes) = read(given, request).await?;
+    let read = tokio::time::timeout(MOST_TIME, read(given, request)).await;
+    let (name, bytes) = read.map_err(|_| Problem::too_slow(MOST_TIME))??;
     let name = plain(&name);
     state.metrics.uploaded.inc_by(bytes.len() as u64);
+    let _one_of_few = INSPECTIONS.acquire().await;
     let inspected = tokio::task::spawn_blocking(move || {
         let report = mesh::import(&bytes, None).and_then(|import| Report::of(&import));
         (report, bytes)
@@ -63,6 +68,12 @@ pub(crate) async fn upload(
     Ok((StatusCode::CREATED, location, Json(record)).into_response())
 }
 
+/// How long an upload may take: the largest one at 100 kB/s.
+const MOST_TIME: Duration = Duration::from_secs(600);
+
+/// Meshes that are looked into at a time: what they become in memory is many times what they are in a file.
+static INSPECTIONS: Semaphore = Semaphore::const_new(4);
+
 const UNREADABLE: &str = "it could not be read. Try another file";
 
 /// Name and bytes of what is uploaded; refused as soon as it is known to be too long.
@@ -83,15 +94,19 @@ async fn read(given: Option<String>, request: Request) -> Result<(String, Vec<u8
     }
     let (parts, body) = request.into_parts();
     let request = Request::from_parts(parts, Body::new(Limited::new(body, MAX_BYTES + 4096)));
-    let bad = |text: String| Problem::malformed_form(&text);
-    let mut form =
-        Multipart::from_request(request, &()).await.map_err(|error| bad(error.body_text()))?;
-    while let Some(field) = form.next_field().await.map_err(|error| bad(error.body_text()))? {
+    let bad = |error: MultipartError| match error.status() {
+        StatusCode::PAYLOAD_TOO_LARGE => Problem::too_large(MAX_BYTES),
+        _ => Problem::malformed_form(&error.body_text()),
+    };
+    let mut form = Multipart::from_request(request, &())
+        .await
+        .map_err(|error| Problem::malformed_form(&error.body_text()))?;
+    while let Some(field) = form.next_field().await.map_err(bad)? {
         let Some(file_name) = field.file_name().map(str::to_owned) else { continue };
-        let bytes = field.bytes().await.map_err(|error| bad(error.body_text()))?;
+        let bytes = field.bytes().await.map_err(bad)?;
         return Ok((given.unwrap_or(file_name), bytes.to_vec()));
     }
-    Err(bad("the form has no file".into()))
+    Err(Problem::malformed_form("the form has no file"))
 }
 
 async fn limited(body: Body) -> Result<Vec<u8>, Problem> {

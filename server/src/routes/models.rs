@@ -1,7 +1,7 @@
 //! Models: the list, the card, and the files that the page fetches.
 
 use super::artifacts;
-use crate::extract::Path;
+use crate::extract::{Path, Query};
 use crate::model::{Model, ModelFile};
 use crate::store::RecordKind;
 use crate::{AppState, Problem};
@@ -11,27 +11,45 @@ use axum::extract::{Request, State};
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde_json::{Value, json};
+use std::collections::BTreeMap;
 use tower::ServiceExt;
 use tower_http::services::ServeFile;
 
 /// All models that have weights: those that were there before by id, then those of jobs, newest first.
 #[utoipa::path(
     get, path = "/models", tag = "models",
+    params(
+        ("after" = Option<String>, Query, description = "Id of the last model of the page before: one of a job"),
+        ("limit" = Option<i64>, Query, minimum = 1, maximum = 1000, description = "Models of jobs"),
+    ),
     responses((status = 200, description = "Models with their files and cards", body = Page<Object>)),
 )]
-pub(crate) async fn list(State(state): State<AppState>) -> Result<Json<Value>, Problem> {
-    let mut data = Vec::new();
-    for model in Model::all(&state).await? {
-        data.push(model.describe(&state).await?);
+pub(crate) async fn list(
+    State(state): State<AppState>,
+    Query(query): Query<BTreeMap<String, String>>,
+) -> Result<Json<Value>, Problem> {
+    let limit = query.get("limit").map_or(Ok(MOST_OF_JOBS), |text| {
+        let limit = text.parse().ok().filter(|limit| (1..=MOST_OF_JOBS).contains(limit));
+        let bounds = || format!("it is a number from 1 to {MOST_OF_JOBS}");
+        limit.ok_or_else(|| Problem::invalid("limit", bounds()))
+    })?;
+    let after = query.get("after").map(String::as_str);
+    let (mut data, mut has_more) = (Vec::new(), false);
+    if after.is_none() {
+        for model in Model::all(&state).await? {
+            data.push(model.describe(&state).await?);
+        }
     }
     if let Some(engine) = &state.engine {
-        let records = engine.store.records(RecordKind::Model, None, MOST_OF_JOBS).await?;
+        let mut records = engine.store.records(RecordKind::Model, after, limit + 1).await?;
+        has_more = records.len() as i64 > limit;
+        records.truncate(limit as usize);
         data.extend(records.into_iter().map(described));
     }
-    Ok(Json(json!({ "object": "list", "data": data, "has_more": false })))
+    Ok(Json(json!({ "object": "list", "data": data, "has_more": has_more })))
 }
 
-/// Models of jobs in a list.
+/// Models of jobs in a list at most.
 const MOST_OF_JOBS: i64 = 1000;
 
 /// The record of a job's model, if it is one.

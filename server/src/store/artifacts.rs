@@ -3,9 +3,10 @@
 use super::{Store, StoreError};
 use chrono::Utc;
 use object_store::path::Path as Key;
-use object_store::{ObjectStore, ObjectStoreExt, PutMode, PutOptions};
+use object_store::{GetOptions, MultipartUpload, ObjectStore, ObjectStoreExt, PutMode, PutOptions};
 use sqlx::Row;
 use std::path::Path;
+use tokio::io::AsyncReadExt;
 
 /// A file of a job.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -35,16 +36,85 @@ fn content_type(name: &str) -> &'static str {
     }
 }
 
+/// Bytes of a file that are in memory at a time. The allocator leaves with every thread as much as it ever held in one
+/// piece: a server that read models whole had grown from 27 to 61 MB after ten minutes of a training.
+const PIECE: u64 = 1 << 20;
+
+/// A file as it was when it was opened, piece by piece.
+struct Pieces {
+    file: tokio::fs::File,
+    left: u64,
+}
+
+impl Pieces {
+    async fn of(path: &Path) -> std::io::Result<Self> {
+        let file = tokio::fs::File::open(path).await?;
+        let left = file.metadata().await?.len();
+        Ok(Self { file, left })
+    }
+
+    async fn next(&mut self) -> std::io::Result<Option<Vec<u8>>> {
+        let mut piece = vec![0; self.left.min(PIECE) as usize];
+        self.left -= piece.len() as u64;
+        self.file.read_exact(&mut piece).await?;
+        Ok((!piece.is_empty()).then_some(piece))
+    }
+}
+
+/// Writes a file of so many bytes that was found to have a hash.
+async fn put(
+    upload: &mut dyn MultipartUpload,
+    path: &Path,
+    bytes: u64,
+    hash: blake3::Hash,
+) -> Result<(), StoreError> {
+    let (mut pieces, mut hasher) = (Pieces::of(path).await?, blake3::Hasher::new());
+    pieces.left = bytes;
+    while let Some(piece) = pieces.next().await? {
+        hasher.update(&piece);
+        upload.put_part(piece.into()).await?;
+    }
+    if hasher.finalize() != hash {
+        return Err(std::io::Error::other(format!("{} changed meanwhile", path.display())).into());
+    }
+    Ok(())
+}
+
 impl Store {
-    /// Keeps a file of a job.
+    /// Keeps a file of a job; what is appended to it meanwhile is left out.
     pub(crate) async fn keep(
         &self,
         job: &str,
         name: &str,
         path: &Path,
     ) -> Result<Artifact, StoreError> {
-        let contents = tokio::fs::read(path).await?;
-        self.keep_bytes(job, name, contents).await
+        let mut pieces = Pieces::of(path).await?;
+        let bytes = pieces.left;
+        if bytes <= PIECE {
+            let contents = pieces.next().await?.unwrap_or_default();
+            return self.keep_bytes(job, name, contents).await;
+        }
+        let mut hasher = blake3::Hasher::new();
+        while let Some(piece) = pieces.next().await? {
+            hasher.update(&piece);
+        }
+        let hash = hasher.finalize();
+        let _alone = self.keeping.lock().await;
+        let key = key(&hash.to_hex());
+        let is_there = match self.artifacts.head(&key).await {
+            Ok(found) => found.size == bytes,
+            Err(object_store::Error::NotFound { .. }) => false,
+            Err(error) => return Err(error.into()),
+        };
+        if !is_there {
+            let mut upload = self.artifacts.put_multipart(&key).await?;
+            if let Err(error) = put(&mut *upload, path, bytes, hash).await {
+                upload.abort().await?;
+                return Err(error);
+            }
+            upload.complete().await?;
+        }
+        self.note_file(job, name, hash.to_hex().to_string(), bytes).await
     }
 
     /// Keeps bytes as a file of a job, or of whatever else has an id.
@@ -59,6 +129,7 @@ impl Store {
         })
         .await
         .map_err(std::io::Error::other)?;
+        let _alone = self.keeping.lock().await;
         let bytes = contents.len() as u64;
         let only_new = PutOptions { mode: PutMode::Create, ..PutOptions::default() };
         let payload = object_store::PutPayload::from(contents);
@@ -72,6 +143,17 @@ impl Store {
             }
             Err(error) => return Err(error.into()),
         }
+        self.note_file(job, name, hash, bytes).await
+    }
+
+    /// Writes down that a job has a file.
+    async fn note_file(
+        &self,
+        job: &str,
+        name: &str,
+        hash: String,
+        bytes: u64,
+    ) -> Result<Artifact, StoreError> {
         let content_type = content_type(name);
         let mut change = self.begin().await?;
         sqlx::query("INSERT OR IGNORE INTO artifacts (hash, bytes, content_type, created_at) VALUES (?, ?, ?, ?)")
@@ -93,6 +175,7 @@ impl Store {
 
     /// Forgets the files of a job, or of whatever else has an id, and removes those that nothing else names.
     pub(crate) async fn forget_files(&self, owner: &str) -> Result<(), StoreError> {
+        let _alone = self.keeping.lock().await;
         let mut change = self.begin().await?;
         let hashes: Vec<String> =
             sqlx::query_scalar("SELECT hash FROM job_artifacts WHERE job = ?")
@@ -162,11 +245,13 @@ impl Store {
         &self,
         hash: &str,
         range: std::ops::Range<u64>,
-    ) -> Result<axum::body::Bytes, StoreError> {
+    ) -> Result<axum::body::Body, StoreError> {
         if range.is_empty() {
-            return Ok(axum::body::Bytes::new());
+            return Ok(axum::body::Body::empty());
         }
-        Ok(self.artifacts.get_range(&key(hash), range).await?)
+        let wanted = GetOptions::new().with_range(Some(range));
+        let found = self.artifacts.get_opts(&key(hash), wanted).await?;
+        Ok(axum::body::Body::from_stream(found.into_stream()))
     }
 
     /// Writes an artifact to a file, beside its place and renamed.

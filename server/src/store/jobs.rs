@@ -4,7 +4,7 @@ use super::events::{self, News, Type};
 use super::{Store, StoreError};
 use crate::job::{Job, Kind, Status};
 use chrono::Utc;
-use serde_json::json;
+use serde_json::{Value, json};
 use sqlx::{AssertSqlSafe, Row, Sqlite, Transaction};
 
 /// Which jobs to list.
@@ -88,6 +88,12 @@ async fn asked(
     }
     let id: String = before.try_get("job")?;
     Ok(Some(read(change, &id).await?.map_or(Created::Gone, Created::Before)))
+}
+
+/// What others see of a job's record: the number of a report concerns nobody but the one who reports.
+fn seen(mut record: Value) -> Value {
+    record.as_object_mut().map(|fields| fields.remove("heard"));
+    record
 }
 
 impl Store {
@@ -196,9 +202,13 @@ impl Store {
             Ok(told) => told,
             Err(refusal) => return Ok(Some(Err(refusal))),
         };
-        if serde_json::to_value(&job)? != before {
+        let after = serde_json::to_value(&job)?;
+        let is_seen = seen(after.clone()) != seen(before.clone());
+        if is_seen {
             job.revision += 1;
             job.updated_at = Utc::now();
+        }
+        if after != before {
             write(&mut transaction, &job).await?;
         }
         let last = events::append(&mut transaction, id, &news).await?;
@@ -206,7 +216,8 @@ impl Store {
         match last {
             Some(_) => self.tell(last),
             // No event, and yet somebody may wait for it.
-            None => self.last.send_modify(|_| {}),
+            None if is_seen => self.last.send_modify(|_| {}),
+            None => {}
         }
         Ok(Some(Ok((job, told))))
     }
@@ -270,6 +281,18 @@ impl Store {
         .execute(&self.writer)
         .await?;
         Ok(done.rows_affected() == 1)
+    }
+
+    /// Whether it is the turn of whoever has a token.
+    pub(crate) async fn is_its_turn(&self, id: &str, token: &[u8]) -> Result<bool, StoreError> {
+        let found: Option<i64> = sqlx::query_scalar(
+            "SELECT 1 FROM jobs WHERE id = ? AND token = ? AND status IN ('running', 'cancelling')",
+        )
+        .bind(id)
+        .bind(token)
+        .fetch_optional(&self.readers)
+        .await?;
+        Ok(found.is_some())
     }
 
     /// Jobs whose process has not been heard of for too long.

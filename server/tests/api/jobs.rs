@@ -77,7 +77,9 @@ async fn what_is_asked_wrongly_is_refused_by_name() {
     let (app, _folder) = idle().await;
     let cases = [
         ("{", 400, "malformed_json", None),
-        ("[]", 422, "invalid_parameter", None),
+        ("[]", 400, "malformed_json", None),
+        // The fields of a request in their order, which serde would take.
+        (r#"["dataset.generate", {"preset": "smoke"}]"#, 400, "malformed_json", None),
         (r#"{"kind": "dataset.make"}"#, 422, "invalid_parameter", Some("kind")),
         (r#"{"kind": "dataset.generate", "param": {}}"#, 422, "invalid_parameter", Some("param")),
         (
@@ -187,6 +189,11 @@ async fn what_waits_is_cancelled_paused_tried_again_and_deleted() {
     let id = ask(&app, "x").await;
     let act = async |verb: &str| send(&app, "POST", &format!("/jobs/{id}/{verb}"), "").await;
     let status = async |answer: Response| json_of(answer).await["status"].clone();
+    for query in ["dry_run=1", "dryrun=true"] {
+        let body = r#"{"kind": "dataset.generate"}"#;
+        let unclear = send(&app, "POST", &format!("/jobs?{query}"), body).await;
+        assert_problem(unclear, 422, "invalid_parameter").await;
+    }
     assert_eq!(status(act("pause").await).await, "paused");
     assert_eq!(status(act("pause").await).await, "paused", "again does no harm");
     assert_problem(act("retry").await, 409, "invalid_state").await;
@@ -198,6 +205,8 @@ async fn what_waits_is_cancelled_paused_tried_again_and_deleted() {
     assert_problem(act("pause").await, 409, "invalid_state").await;
     let patch = send(&app, "PATCH", &format!("/jobs/{id}"), r#"{"priority": 3}"#).await;
     assert_problem(patch, 409, "invalid_state").await;
+    let patch = send(&app, "PATCH", &format!("/jobs/{id}"), "[]").await;
+    assert_problem(patch, 400, "malformed_json").await;
     let patch = send(&app, "PATCH", &format!("/jobs/{id}"), r#"{"name": "better"}"#).await;
     assert_eq!(json_of(patch).await["name"], "better");
     let copy = json_of(act("clone").await).await;

@@ -42,6 +42,15 @@ async fn the_same_bytes_are_the_same_mesh() {
     let list = json_of(send(&app, "GET", "/meshes", "").await).await;
     assert_eq!(list["data"], json!([mesh]));
 
+    // A form may be as long as a body without one.
+    let long = format!("{TETRAHEDRON}{}", "# 3 MB of a remark\n".repeat(160_000));
+    let long = send_with(&app, "POST", "/meshes", form(&long), &[FORM]).await;
+    assert_eq!(long.status(), StatusCode::CREATED);
+    let long = json_of(long).await;
+    assert_eq!(long["report"]["triangles"], 4);
+    let gone = send(&app, "DELETE", &format!("/meshes/{}", long["id"].as_str().unwrap()), "").await;
+    assert_eq!(gone.status(), StatusCode::NO_CONTENT);
+
     let file = format!("/meshes/{id}/file");
     assert_eq!(bytes(send(&app, "GET", &file, "").await).await, TETRAHEDRON);
     let part = send_with(&app, "GET", &file, "", &[("range", "bytes=2-6")]).await;
@@ -94,6 +103,8 @@ async fn what_is_too_long_is_refused_before_it_is_read() {
     assert_problem(answer, 413, "body_too_large").await;
     // A body that does not say how long it is.
     let answer = send(&app, "POST", "/meshes", vec![b'v'; 50_000_001]).await;
+    assert_problem(answer, 413, "body_too_large").await;
+    let answer = send_with(&app, "POST", "/meshes", form(&"v".repeat(50_010_000)), &[FORM]).await;
     assert_problem(answer, 413, "body_too_large").await;
     let answer = send(&app, "POST", "/jobs", vec![b' '; 5 << 20]).await;
     assert_problem(answer, 413, "body_too_large").await;

@@ -134,6 +134,42 @@ fn a_stream_that_breaks_off_twenty_times_misses_nothing() {
 }
 
 #[test]
+fn a_job_that_another_server_began_stops_as_soon() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = folder.path().join("data");
+    let server = Server::start(&data);
+    let params = json!({ "model_id": "planner", "object": "sugar_box", "attempts": 5000 });
+    let id = server.ask("policy.evaluate", params);
+    server.wait_for_progress(&id);
+    let server = server.killed_and_started(&data);
+    let pid = server.get(&format!("/jobs/{id}"))["worker"]["pid"].as_u64().unwrap();
+    let done = |job: &Value| job["progress"]["completed"].as_f64().unwrap_or_default();
+    let before = done(&server.get(&format!("/jobs/{id}")));
+    // Its process has found the new server.
+    server.wait(&id, |job| done(job) > before);
+    let began = Instant::now();
+    server.post(&format!("/jobs/{id}/cancel"), &json!({}));
+    server.wait_for(&id, "cancelled");
+    assert!(began.elapsed() < Duration::from_secs(2), "{:?}", began.elapsed());
+    while is_alive(pid) {
+        assert!(began.elapsed() < Duration::from_secs(5), "its process lives on");
+        std::thread::sleep(Duration::from_millis(50));
+    }
+}
+
+#[test]
+fn a_mesh_is_split_into_its_convex_parts() {
+    let folder = tempfile::tempdir().unwrap();
+    let server = Server::start(&folder.path().join("data"));
+    let mesh = server.upload(&proofs::tetrahedron(0.1));
+    let id = server.ask("mesh.prepare", json!({ "mesh_id": mesh }));
+    let job = server.wait_for(&id, "succeeded");
+    assert_eq!(job["params"], json!({ "mesh_id": mesh }));
+    let names: Vec<String> = made(&server, &id).into_iter().map(|(name, _)| name).collect();
+    assert!(names.contains(&"parts.obj".to_owned()), "{names:?}");
+}
+
+#[test]
 fn what_jobs_made_can_be_looked_into() {
     let folder = tempfile::tempdir().unwrap();
     let server = Server::start(&folder.path().join("data"));

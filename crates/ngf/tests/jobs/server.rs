@@ -53,6 +53,13 @@ impl Server {
         ureq::post(url).send_json(body).unwrap().body_mut().read_json().unwrap()
     }
 
+    /// Uploads a mesh; gives its id.
+    pub(crate) fn upload(&self, obj: &str) -> Value {
+        let url = format!("{}/api/v1/meshes?name=mesh.obj", self.url);
+        let mesh: Value = ureq::post(url).send(obj).unwrap().body_mut().read_json().unwrap();
+        mesh["id"].clone()
+    }
+
     /// Asks for a job; gives its id.
     pub(crate) fn ask(&self, kind: &str, params: Value) -> String {
         let job = self.post("/jobs", &json!({ "kind": kind, "params": params }));
@@ -116,12 +123,15 @@ pub(crate) fn is_alive(pid: u64) -> bool {
     stat.split(' ').nth(2).is_some_and(|state| state != "Z")
 }
 
-/// The hashes of what a job made, but for its log, which has times.
+/// The ids and hashes of what a job made, but for its log, which has times.
 pub(crate) fn made(server: &Server, id: &str) -> Vec<(String, String)> {
+    let outputs = server.get(&format!("/jobs/{id}"))["outputs"].clone();
+    let ids = ["dataset_id", "model_id"].map(|name| (name.to_owned(), outputs[name].to_string()));
     let artifacts = server.get(&format!("/jobs/{id}/artifacts"));
     let text = |artifact: &Value, name: &str| artifact[name].as_str().unwrap().to_owned();
     let all = artifacts["data"].as_array().unwrap().iter();
     all.map(|one| (text(one, "name"), text(one, "hash")))
         .filter(|(name, _)| !name.ends_with(".txt") && !name.ends_with(".jsonl"))
+        .chain(ids)
         .collect()
 }
