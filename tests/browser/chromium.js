@@ -76,7 +76,7 @@ export async function blank({ address, browser }, { viewport = WIDE, colorScheme
     if (message.type() === "error") complaints.push(message.text());
   });
   page.on("pageerror", (error) => complaints.push(error.message));
-  page.on("requestfailed", (request) => complaints.push(`${request.url()} failed`));
+  page.on("requestfailed", (request) => complaints.push(`${request.url()} failed: ${request.failure()?.errorText}`));
   page.on("request", (request) => {
     const isOurs = request.url().startsWith(address) || request.url().startsWith("blob:");
     if (!isOurs) complaints.push(`${request.url()} is another host's`);

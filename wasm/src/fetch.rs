@@ -84,8 +84,8 @@ async fn list(base: &str) -> Result<List, Failure> {
             Err(_) => return Err(of_server),
         },
     };
-    let list = read(&answer, |_| {}).await?;
-    serde_json::from_slice(&list)
+    let text = JsFuture::from(answer.text().map_err(|e| lost(&e))?).await.map_err(|e| lost(&e))?;
+    serde_json::from_str(&text.as_string().unwrap_or_default())
         .map_err(|error| failed(&format!("the list of models is not understood: {error}")))
 }
 
