@@ -25,11 +25,11 @@ job() {
 dataset=$(job '{"kind": "dataset.generate", "params": {"preset": "smoke"}}' | text dataset_id)
 echo "dataset $dataset"
 
-encoder=$(job "{\"kind\": \"encoder.train\", \"params\": {\"dataset_id\": \"$dataset\", \"steps\": 40}}" | text model_id)
+encoder=$(job "{\"kind\": \"encoder.train\", \"params\": {\"dataset_id\": \"$dataset\", \"preset\": \"smoke\"}}" | text model_id)
 echo "encoder $encoder"
 
 policy=$(job "{\"kind\": \"policy.train\",
-    \"params\": {\"dataset_id\": \"$dataset\", \"encoder_id\": \"$encoder\", \"steps\": 200, \"batch\": 32}}" | text model_id)
+    \"params\": {\"dataset_id\": \"$dataset\", \"encoder_id\": \"$encoder\", \"preset\": \"smoke\"}}" | text model_id)
 echo "policy $policy"
 
 evaluation=$(job "{\"kind\": \"policy.evaluate\",

@@ -22,7 +22,7 @@ use crate::problem::Problem;
 use crate::store::{Level, News, RecordKind, Store, StoreError, Type};
 use chrono::{TimeDelta, Utc};
 use command::Given;
-use launch::{Local, Order};
+use launch::{Launcher, Local, Order};
 use serde_json::{Map, json};
 use std::collections::{BTreeMap, HashMap};
 use std::fs::File;
@@ -69,7 +69,7 @@ pub struct Engine {
     /// What is counted.
     pub(crate) metrics: Arc<Metrics>,
     config: EngineConfig,
-    launcher: Local,
+    launcher: Box<dyn Launcher>,
     /// Address of the server, once it is known.
     url: OnceLock<String>,
     /// Ends the processes that were started here: of each job the one of an attempt.
@@ -109,7 +109,7 @@ impl Engine {
         let engine = Self {
             store,
             metrics: Arc::new(Metrics::new()),
-            launcher: Local::new(&config.program),
+            launcher: Box::new(Local::new(&config.program)),
             config,
             url: OnceLock::new(),
             kills: Mutex::default(),

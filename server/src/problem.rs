@@ -254,6 +254,12 @@ impl Problem {
         Self::new(StatusCode::NOT_FOUND, "episode_not_found", why.to_owned(), hint)
     }
 
+    /// A dataset cannot be opened, as one that an earlier version made.
+    pub(crate) fn unusable_dataset(why: &str) -> Self {
+        let hint = "make it again: a job with the same parameters";
+        Self::new(StatusCode::CONFLICT, "dataset_unusable", why.to_owned(), hint)
+    }
+
     /// There is no such record.
     pub(crate) fn no_record(what: &str, id: &str) -> Self {
         let detail = format!("there is no {what} \"{id}\"");

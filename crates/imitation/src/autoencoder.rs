@@ -81,6 +81,17 @@ impl AutoencoderConfig {
             seed: 0,
         }
     }
+
+    /// As long as a dataset's preset is worth ([`dataset::config::PRESETS`]).
+    pub fn preset(name: &str) -> Option<Self> {
+        let standard = Self::standard();
+        Some(match name {
+            "smoke" => Self { steps: 40, ..standard },
+            "small" => Self { steps: 3000, ..standard },
+            "variants" | "paper" | "families" => standard,
+            _ => return None,
+        })
+    }
 }
 
 /// Spread along an axis, as a share of the largest one, below which an axis is taken for noise.

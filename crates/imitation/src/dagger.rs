@@ -91,6 +91,18 @@ impl DaggerConfig {
             seed: 0,
         }
     }
+
+    /// As long as a dataset's preset is worth ([`dataset::config::PRESETS`]).
+    pub fn preset(name: &str, policy: PolicyConfig) -> Option<Self> {
+        let standard = Self::standard(policy);
+        Some(match name {
+            "smoke" => Self { steps: 200, batch: 32, ..standard },
+            "small" => Self { steps: 12_000, ..standard },
+            "variants" | "paper" => standard,
+            "families" => Self { steps: 2 * standard.steps, ..standard },
+            _ => return None,
+        })
+    }
 }
 
 /// Distance (rad, norm) from the nearest demonstration at which a roll-out is given up.

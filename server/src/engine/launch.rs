@@ -1,5 +1,7 @@
 //! How the process of a job is started. Nothing else knows.
 
+use futures_util::future::BoxFuture;
+use std::fmt;
 use std::io;
 use std::path::{Path, PathBuf};
 use std::process::Stdio;
@@ -21,24 +23,36 @@ pub(crate) struct Order {
 /// Names the file that tells a process which job it works on, and to whom it reports.
 pub const JOB_FILE: &str = "NGF_JOB";
 
-/// Starts processes on this machine; a scheduler of a cluster would take its place.
+/// Starts processes: on this machine, or whatever would take its place on a cluster.
+pub(crate) trait Launcher: Send + Sync + fmt::Debug {
+    /// Starts a process.
+    fn start(&self, order: &Order) -> io::Result<Box<dyn Process>>;
+}
+
+/// A process that was started.
+pub(crate) trait Process: Send {
+    /// Waits for its end.
+    fn ended(&mut self) -> BoxFuture<'_, ()>;
+
+    /// Ends it at once.
+    fn kill(&mut self) -> BoxFuture<'_, ()>;
+}
+
+/// Starts processes of a program on this machine.
 #[derive(Clone, Debug)]
 pub(crate) struct Local {
     program: PathBuf,
 }
-
-/// A process that was started.
-#[derive(Debug)]
-pub(crate) struct Process(Child);
 
 impl Local {
     /// Runs this program.
     pub(crate) fn new(program: &Path) -> Self {
         Self { program: program.to_owned() }
     }
+}
 
-    /// Starts a process.
-    pub(crate) fn start(&self, order: &Order) -> io::Result<Process> {
+impl Launcher for Local {
+    fn start(&self, order: &Order) -> io::Result<Box<dyn Process>> {
         let log = std::fs::OpenOptions::new().create(true).append(true).open(&order.log)?;
         let mut command = Command::new(&self.program);
         command
@@ -51,18 +65,16 @@ impl Local {
         // Ctrl-C at the server's terminal is for the server.
         #[cfg(unix)]
         command.process_group(0);
-        command.spawn().map(Process)
+        Ok(Box::new(command.spawn()?))
     }
 }
 
-impl Process {
-    /// Waits for its end; `true` if it ended of itself.
-    pub(crate) async fn ended(&mut self) -> bool {
-        self.0.wait().await.is_ok_and(|status| status.code().is_some())
+impl Process for Child {
+    fn ended(&mut self) -> BoxFuture<'_, ()> {
+        Box::pin(async { drop(self.wait().await) })
     }
 
-    /// Ends it at once.
-    pub(crate) async fn kill(&mut self) {
-        self.0.kill().await.ok();
+    fn kill(&mut self) -> BoxFuture<'_, ()> {
+        Box::pin(async { drop(Child::kill(self).await) })
     }
 }

@@ -79,8 +79,12 @@ pub(crate) struct PolicyParams {
 }
 
 /// How long and how fast something is trained.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub(crate) struct Course {
+    /// Name of its sizes, as of a dataset's: where they are not given, steps, batch, rate and checkpoint are its.
+    #[serde(default = "full")]
+    #[schema(schema_with = courses)]
+    pub(crate) preset: String,
     /// Optimiser steps.
     #[serde(default)]
     pub(crate) steps: Option<u64>,
@@ -151,6 +155,10 @@ fn small() -> String {
     "small".into()
 }
 
+fn full() -> String {
+    "paper".into()
+}
+
 fn first_policy() -> String {
     POLICIES[0].into()
 }
@@ -167,6 +175,20 @@ fn presets() -> Schema {
         .default(Some(small().into()))
         .description(Some(text))
         .into()
+}
+
+fn courses() -> Schema {
+    let text = "Name of its sizes, as of a dataset's: where they are not given, steps, batch, rate and checkpoint are its.";
+    one_of(PRESETS.map(|(name, _)| name))
+        .default(Some(full().into()))
+        .description(Some(text))
+        .into()
+}
+
+/// Refuses a preset that there is not.
+fn no_preset() -> Invalid {
+    let names = PRESETS.map(|(name, _)| name).join(", ");
+    invalid("preset", format!("it must be one of {names}"))
 }
 
 fn policies() -> Schema {
@@ -288,8 +310,7 @@ impl Subject {
 impl DatasetParams {
     fn resolved(self) -> Result<Self, Invalid> {
         if DatasetConfig::preset(&self.preset, self.seed).is_none() {
-            let names = PRESETS.map(|(name, _)| name).join(", ");
-            return Err(invalid("preset", format!("it must be one of {names}")));
+            return Err(no_preset());
         }
         self.subject.checked(false)?;
         at_most("threads", self.threads, 0, MOST_THREADS)?;
@@ -304,8 +325,10 @@ fn written(x: f32) -> f64 {
 
 impl EncoderParams {
     fn resolved(self) -> Result<Self, Invalid> {
-        let standard = AutoencoderConfig::standard();
+        let preset = self.course.preset.clone();
+        let standard = AutoencoderConfig::preset(&preset).ok_or_else(no_preset)?;
         let standard = Course {
+            preset,
             steps: Some(standard.steps),
             batch: Some(standard.batch),
             rate: Some(written(standard.rate)),
@@ -322,9 +345,11 @@ impl PolicyParams {
         let Some(policy) = PolicyConfig::named(&self.policy) else {
             return Err(invalid("policy", format!("it must be one of {}", POLICIES.join(", "))));
         };
-        let standard = DaggerConfig::standard(policy);
+        let preset = self.course.preset.clone();
+        let standard = DaggerConfig::preset(&preset, policy).ok_or_else(no_preset)?;
         let horizon = at_most("horizon", self.horizon.unwrap_or(standard.horizon), 1, 1000)?;
         let standard = Course {
+            preset,
             steps: Some(standard.steps),
             batch: Some(standard.batch),
             rate: Some(written(standard.rate)),
@@ -348,6 +373,7 @@ impl Course {
             return Err(invalid("rate", "it must be a positive number below 1"));
         }
         Ok(Self {
+            preset: self.preset,
             steps: Some(at_most("steps", steps, 1, MOST_STEPS)?),
             batch: Some(at_most("batch", batch, 1, MOST_BATCH)?),
             rate: Some(rate),
@@ -389,6 +415,21 @@ mod tests {
         let course = policy.course;
         assert_eq!((course.steps, course.batch, course.threads), (Some(10), Some(128), 2));
         assert_eq!((policy.policy.as_str(), policy.horizon), ("ngf-pcd", Some(90)));
+        for (preset, _) in PRESETS {
+            let given = json!({ "dataset_id": "ds_1", "encoder_id": "mdl_1", "preset": preset });
+            for kind in [Kind::EncoderTrain, Kind::PolicyTrain] {
+                let mut given = given.clone();
+                if kind == Kind::EncoderTrain {
+                    given.as_object_mut().unwrap().remove("encoder_id");
+                }
+                let course = match resolve(kind, given) {
+                    Ok(Params::Encoder(EncoderParams { course, .. })) => course,
+                    Ok(Params::Policy(PolicyParams { course, .. })) => course,
+                    other => panic!("{preset}: {other:?}"),
+                };
+                assert!(course.steps.unwrap() < 1000 || preset != "smoke", "{course:?}");
+            }
+        }
     }
 
     #[test]
@@ -422,6 +463,11 @@ mod tests {
             (Kind::MeshPrepare, json!({}), "mesh_id"),
             (Kind::EncoderTrain, json!({}), "dataset_id"),
             (Kind::EncoderTrain, json!({ "dataset_id": "x", "steps": 0 }), "steps"),
+            (
+                Kind::PolicyTrain,
+                json!({ "dataset_id": "x", "encoder_id": "y", "preset": "huge" }),
+                "preset",
+            ),
             (Kind::EncoderTrain, json!({ "dataset_id": "x", "rate": 2.0 }), "rate"),
             (Kind::EncoderTrain, json!({ "dataset_id": "x", "rates": 2.0 }), "rates"),
             (Kind::PolicyEvaluate, json!({ "model_id": "x" }), "object"),

@@ -96,10 +96,11 @@ async fn of_dataset<T: Send + 'static, E: std::fmt::Display>(
 ) -> Result<Result<T, String>, Problem> {
     let record = find(engine, id).await?;
     let folder = engine.dataset_folder(record["hash"].as_str().unwrap_or_default());
-    let read = move || match Dataset::open(&folder) {
-        Ok(dataset) => read(dataset).map_err(|error| error.to_string()),
-        Err(error) => Err(error.to_string()),
+    let read = move || {
+        let dataset = Dataset::open(&folder).map_err(|error| error.to_string())?;
+        Ok::<_, String>(read(dataset).map_err(|error| error.to_string()))
     };
     let read = tokio::task::spawn_blocking(read).await;
-    read.map_err(|error| Problem::unreadable(&std::io::Error::other(error)))
+    let read = read.map_err(|error| Problem::unreadable(&std::io::Error::other(error)))?;
+    read.map_err(|error| Problem::unusable_dataset(&error))
 }

@@ -8,7 +8,7 @@ mod server;
 use serde_json::{Value, json};
 use server::{Server, is_alive, kill, made};
 use std::io::{BufRead, BufReader};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::{Duration, Instant};
 
@@ -17,16 +17,22 @@ fn attempts() -> Value {
     json!({ "model_id": "planner", "object": "sugar_box", "attempts": 20 })
 }
 
-#[test]
-fn from_nothing_to_a_policy_with_curl_alone() {
-    let folder = tempfile::tempdir().unwrap();
-    let server = Server::start(&folder.path().join("data"));
+/// From nothing to a policy, by the script in the documentation; gives the policy's folder.
+fn from_nothing(server: &Server, folder: &Path) -> PathBuf {
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/loop.sh");
-    let out = folder.path().join("model");
+    let out = folder.join("model");
     let run = Command::new(script).arg(&server.url).arg(&out).output().unwrap();
     let said = String::from_utf8_lossy(&run.stdout).into_owned();
     assert!(run.status.success(), "{said}\n{}", String::from_utf8_lossy(&run.stderr));
     assert!(said.contains("of   2 lifted"), "{said}");
+    out
+}
+
+#[test]
+fn from_nothing_to_a_policy_with_curl_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    let server = Server::start(&folder.path().join("data"));
+    let out = from_nothing(&server, folder.path());
     let mut evaluate = Command::new(env!("CARGO_BIN_EXE_ngf"));
     evaluate.args(["evaluate", "--object", "sugar_box", "--attempts", "1", "--model"]).arg(&out);
     let evaluated = evaluate.output().unwrap();

@@ -91,6 +91,18 @@ fn twenty_violent_ends_change_nothing() {
     assert!(!pids.into_iter().any(is_alive), "a process is left over");
 }
 
+#[test]
+#[ignore = "a minute: cargo xtask prove"]
+fn the_whole_way_at_toy_size_takes_a_minute() {
+    let folder = tempfile::tempdir().unwrap();
+    let server = Server::start(&folder.path().join("data"));
+    let began = Instant::now();
+    crate::from_nothing(&server, folder.path());
+    let seconds = began.elapsed().as_secs_f64();
+    println!("from nothing to a policy that has been counted in {seconds:.0} s");
+    assert!(seconds < 60.0, "{seconds}");
+}
+
 /// Memory of a process in use (bytes).
 fn resident(pid: u32) -> u64 {
     let status = std::fs::read_to_string(format!("/proc/{pid}/status")).unwrap();
