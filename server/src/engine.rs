@@ -5,8 +5,11 @@
 //! on from there. So a pause, a cancellation, a crash and a power cut are the same thing to it. A process counts for as
 //! long as it reports; what one says that is no longer the job's is refused, so that no job ends twice.
 
+mod ask;
 mod command;
 mod estimate;
+mod forget;
+mod hear;
 mod launch;
 mod report;
 mod settle;
@@ -16,15 +19,15 @@ pub(crate) use estimate::Estimate;
 pub use launch::JOB_FILE;
 pub use report::{Answer, Command, Ended, JobFile, Note, Report};
 
-use crate::job::{Failure, Inputs, Job, Kind, Params, Status, Wish};
+use crate::job::{Failure, Job, Status, Wish};
 use crate::metrics::Metrics;
 use crate::problem::Problem;
-use crate::store::{Level, News, RecordKind, Store, StoreError, Type};
+use crate::store::{Level, News, Store, StoreError, Type};
 use chrono::{TimeDelta, Utc};
 use command::Given;
 use launch::{Launcher, Local, Order};
-use serde_json::{Map, json};
-use std::collections::{BTreeMap, HashMap};
+use serde_json::json;
+use std::collections::HashMap;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
@@ -43,6 +46,9 @@ pub struct EngineConfig {
     /// Jobs at a time.
     pub places: usize,
 }
+
+/// File in the folder of a job that its process locks.
+const LOCK: &str = "lock";
 
 /// A process that is not heard of for so long is taken for dead.
 const LEASE: Duration = Duration::from_secs(15);
@@ -105,6 +111,7 @@ impl Engine {
         let config = EngineConfig { data: absolute, models, ..config };
         let lock = File::create(config.data.join("lock")).map_err(|error| failed(&error))?;
         lock.try_lock().map_err(|_| EngineError::InUse(config.data.clone()))?;
+        forget::sweep(&config.data.join("datasets")).map_err(|error| failed(&error))?;
         let store = Store::open(&config.data).await.map_err(|error| failed(&error))?;
         let engine = Self {
             store,
@@ -117,6 +124,9 @@ impl Engine {
             wake: Notify::new(),
             _lock: lock,
         };
+        // What was on its way to the server before is sent again.
+        std::fs::remove_dir_all(engine.incoming()).ok();
+        std::fs::create_dir_all(engine.incoming()).map_err(|error| failed(&error))?;
         Ok(Arc::new(engine))
     }
 
@@ -178,6 +188,11 @@ impl Engine {
     /// Folder of everything that is kept.
     pub(crate) fn data(&self) -> &Path {
         &self.config.data
+    }
+
+    /// Folder of files on their way here.
+    pub(crate) fn incoming(&self) -> PathBuf {
+        self.config.data.join("incoming")
     }
 
     /// Folder of a job.
@@ -272,7 +287,7 @@ impl Engine {
         let told = JobFile {
             url: format!("{url}/api/v1/jobs/{}/reports", job.id),
             token: token.to_owned(),
-            lock: folder.join("lock"),
+            lock: folder.join(LOCK),
         };
         let job_file = folder.join("job.json");
         write_secret(&job_file, &serde_json::to_vec(&told)?)?;
@@ -384,283 +399,6 @@ impl Engine {
         let changed = self.store.change(id, settle).await?;
         self.settled(changed);
         Ok(())
-    }
-
-    /// Hears a report of a job's process.
-    pub(crate) async fn hear(
-        &self,
-        id: &str,
-        token: &str,
-        report: Report,
-    ) -> Result<Answer, Problem> {
-        let hash = blake3::hash(token.as_bytes());
-        // Files are being kept while nothing else is heard of the process.
-        let keeps = |note: &Note| matches!(note, Note::Checkpoint { .. });
-        let has_checkpoints = report.notes.iter().any(keeps);
-        let is_long = report.ended.is_some() || has_checkpoints;
-        let until = soon(if is_long { LONG_LEASE } else { LEASE });
-        if !self.store.renew(id, hash.as_bytes(), until).await? {
-            return Err(Problem::not_its_turn());
-        }
-        let Report { number, worker, phase, progress, notes, ended } = report;
-        let mut further = Vec::new();
-        let told = |job: &mut Job, news: &mut Vec<News>| {
-            if !job.status.has_process() {
-                return Err(Problem::not_its_turn());
-            }
-            if number != 0 && number <= job.heard {
-                return Ok(job.wish);
-            }
-            job.heard = number;
-            if worker.is_some() {
-                job.worker = worker;
-            }
-            let is_new = phase.is_some() && phase != job.phase;
-            if is_new {
-                job.phase = phase;
-            }
-            if let Some(now) = &progress
-                && (is_new || progress != job.progress)
-            {
-                let phase = job.phase.clone().unwrap_or_default();
-                let furthest = job.furthest.entry(phase).or_default();
-                if now.completed > *furthest {
-                    (*furthest, job.lost) = (now.completed, 0);
-                }
-                let before = job.progress.as_ref().filter(|_| !is_new);
-                let by = now.completed - before.map_or(0.0, |before| before.completed);
-                further.push((job.kind, now.unit.clone(), by));
-                job.progress = progress;
-                let data = json!({ "phase": job.phase, "progress": job.progress });
-                news.push(News::new(Type::Progress, job.phase.clone().unwrap_or_default(), data));
-            }
-            news.extend(notes.into_iter().filter_map(|note| match note {
-                Note::Log(text) => Some(News::new(Type::Log, text, json!({}))),
-                Note::Warning(text) => {
-                    Some(News { level: Level::Warn, ..News::new(Type::Log, text, json!({})) })
-                }
-                Note::Metric(values) => {
-                    let data = json!(values);
-                    job.latest_metrics.extend(values);
-                    Some(News::new(Type::Metric, "", data))
-                }
-                Note::Checkpoint { .. } => None,
-            }));
-            Ok::<_, Problem>(job.wish)
-        };
-        let changed = self.store.change(id, told).await?;
-        let (job, wish) = changed.ok_or_else(|| Problem::no_job(id))??;
-        for (kind, unit, by) in further {
-            self.metrics.came_further(kind, &unit, by);
-        }
-        if has_checkpoints {
-            self.take_checkpoints(&job).await?;
-        }
-        match ended {
-            None => {}
-            Some(Ended::Done) => {
-                let found = self.settle(&job).await.map_err(|error| Failure {
-                    code: "output_unusable".into(),
-                    message: error.to_string(),
-                    param: None,
-                    hint: Some("look at its log".into()),
-                });
-                self.end(id, job.attempt, found).await?;
-            }
-            Some(Ended::Failed(message)) => {
-                let hint = Some("look at its log; a retry goes on from where it was".into());
-                let failure = Failure { code: "job_failed".into(), message, param: None, hint };
-                self.end(id, job.attempt, Err(failure)).await?;
-            }
-        }
-        if wish != Wish::Run {
-            // It ends at once; one that another server started has nobody else who would settle it.
-            self.vanished(id, Some(job.attempt)).await?;
-            return Ok(Answer { command: Command::Stop });
-        }
-        if has_checkpoints {
-            self.store.renew(id, hash.as_bytes(), soon(LEASE)).await?;
-        }
-        Ok(Answer { command: Command::Go })
-    }
-
-    /// Whether a token is that of the process whose turn it is.
-    pub(crate) async fn is_its_turn(&self, id: &str, token: &str) -> Result<bool, Problem> {
-        Ok(self.store.is_its_turn(id, blake3::hash(token.as_bytes()).as_bytes()).await?)
-    }
-
-    /// Asks that a job is cancelled; harmless if it is.
-    pub(crate) async fn cancel(&self, id: &str) -> Result<Job, Problem> {
-        self.ask(id, |job, news| match job.status {
-            Status::Queued | Status::Paused => {
-                job.close(Status::Cancelled, news);
-                Ok(())
-            }
-            Status::Running => {
-                (job.status, job.wish) = (Status::Cancelling, Wish::Cancel);
-                news.push(News::new(Type::Status, "cancelling", json!({ "status": job.status })));
-                Ok(())
-            }
-            Status::Cancelling | Status::Cancelled => Ok(()),
-            Status::Succeeded | Status::Failed => Err(Problem::invalid_state(job, "cancelled")),
-        })
-        .await
-    }
-
-    /// Asks that a job is paused.
-    pub(crate) async fn pause(&self, id: &str) -> Result<Job, Problem> {
-        self.ask(id, |job, news| match job.status {
-            Status::Queued => {
-                job.status = Status::Paused;
-                news.push(News::new(Type::Status, "paused", json!({ "status": job.status })));
-                Ok(())
-            }
-            Status::Running => {
-                job.wish = Wish::Pause;
-                Ok(())
-            }
-            Status::Paused => Ok(()),
-            _ => Err(Problem::invalid_state(job, "paused")),
-        })
-        .await
-    }
-
-    /// Asks that a paused job goes on.
-    pub(crate) async fn resume(&self, id: &str) -> Result<Job, Problem> {
-        self.ask(id, |job, news| match job.status {
-            Status::Paused => {
-                job.queue(news);
-                Ok(())
-            }
-            Status::Queued => Ok(()),
-            // It was asked to pause a moment ago.
-            Status::Running if job.wish == Wish::Run => Ok(()),
-            _ => Err(Problem::invalid_state(job, "resumed")),
-        })
-        .await
-    }
-
-    /// Asks that a job that failed or was cancelled is tried again, from where it was.
-    pub(crate) async fn retry(&self, id: &str) -> Result<Job, Problem> {
-        self.ask(id, |job, news| match job.status {
-            Status::Failed | Status::Cancelled => {
-                (job.error, job.finished_at, job.lost) = (None, None, 0);
-                job.queue(news);
-                Ok(())
-            }
-            // It was asked for a moment ago.
-            Status::Queued | Status::Running => Ok(()),
-            _ => Err(Problem::invalid_state(job, "tried again")),
-        })
-        .await
-    }
-
-    /// Changes a job, and ends its process if that is wished.
-    async fn ask(
-        &self,
-        id: &str,
-        change: impl FnOnce(&mut Job, &mut Vec<News>) -> Result<(), Problem>,
-    ) -> Result<Job, Problem> {
-        let changed = self.store.change(id, change).await?;
-        let (job, ()) = changed.ok_or_else(|| Problem::no_job(id))??;
-        if job.status.has_process() && job.wish != Wish::Run {
-            // Its guardian settles the rest; one that was not started here is told when it reports.
-            self.kills().remove(id).map(|(_, kill)| kill.send(()));
-        }
-        self.wake.notify_one();
-        Ok(job)
-    }
-
-    /// Says that something waits.
-    pub(crate) fn wake(&self) {
-        self.wake.notify_one();
-    }
-
-    /// What a job works on, if it is there.
-    pub(crate) async fn inputs(&self, params: &Params) -> Result<Inputs, Problem> {
-        let mut inputs = Inputs::default();
-        match params {
-            Params::Dataset(params) => inputs.mesh_id.clone_from(&params.subject.mesh_id),
-            Params::Mesh(params) => inputs.mesh_id = Some(params.mesh_id.clone()),
-            Params::Encoder(params) => inputs.dataset_id = Some(params.dataset_id.clone()),
-            Params::Policy(params) => {
-                inputs.dataset_id = Some(params.dataset_id.clone());
-                inputs.encoder_id = Some(params.encoder_id.clone());
-            }
-            Params::Evaluation(params) => {
-                inputs.mesh_id.clone_from(&params.subject.mesh_id);
-                if params.model_id != "planner" {
-                    inputs.model_id = Some(params.model_id.clone());
-                }
-            }
-        }
-        if let Some(id) = &inputs.mesh_id
-            && self.store.record(RecordKind::Mesh, id).await?.is_none()
-        {
-            return Err(Problem::missing_input("mesh_id", id));
-        }
-        if let Some(id) = &inputs.dataset_id
-            && self.store.record(RecordKind::Dataset, id).await?.is_none()
-        {
-            return Err(Problem::missing_input("dataset_id", id));
-        }
-        for (param, id) in [("encoder_id", &inputs.encoder_id), ("model_id", &inputs.model_id)] {
-            if let Some(id) = id
-                && !self.has_model(id).await?
-            {
-                return Err(Problem::missing_input(param, id));
-            }
-        }
-        Ok(inputs)
-    }
-}
-
-impl Job {
-    /// A job that waits.
-    pub(crate) fn new(kind: Kind, params: Params, inputs: Inputs) -> Self {
-        let now = Utc::now();
-        Self {
-            id: format!("job_{}", uuid::Uuid::now_v7().simple()),
-            kind,
-            status: Status::Queued,
-            phase: None,
-            progress: None,
-            created_at: now,
-            started_at: None,
-            finished_at: None,
-            updated_at: now,
-            params,
-            name: None,
-            metadata: Map::new(),
-            priority: 0,
-            inputs,
-            outputs: crate::job::Outputs::default(),
-            latest_metrics: Map::new(),
-            checkpoint_count: 0,
-            checkpoint_step: 0,
-            error: None,
-            worker: None,
-            attempt: 0,
-            lost: 0,
-            furthest: BTreeMap::new(),
-            heard: 0,
-            wish: Wish::Run,
-            revision: 0,
-        }
-    }
-
-    fn queue(&mut self, news: &mut Vec<News>) {
-        (self.status, self.wish) = (Status::Queued, Wish::Run);
-        news.push(News::new(Type::Status, "queued", json!({ "status": self.status })));
-    }
-
-    /// Ends in a terminal state.
-    fn close(&mut self, status: Status, news: &mut Vec<News>) {
-        (self.status, self.finished_at) = (status, Some(Utc::now()));
-        let level = if status == Status::Failed { Level::Error } else { Level::Info };
-        let message = self.error.as_ref().map_or(status.name().to_owned(), |e| e.message.clone());
-        let data = json!({ "status": status, "outputs": self.outputs, "error": self.error });
-        news.push(News { level, ..News::new(Type::Status, message, data) });
     }
 }
 

@@ -1,6 +1,7 @@
 //! A job: what is asked for, how far it is, what came of it.
 
 mod kind;
+mod life;
 mod params;
 mod record;
 mod status;

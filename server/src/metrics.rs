@@ -26,6 +26,8 @@ pub(crate) struct Metrics {
     waits: Family<KindLabels, Histogram>,
     /// Steps, attempts and the like that were done.
     done: Family<UnitLabels, Counter<f64, AtomicU64>>,
+    /// Attempts of evaluations, by how they ended.
+    attempts: Family<AttemptLabels, Counter>,
     jobs: Family<JobLabels, Gauge>,
 }
 
@@ -47,6 +49,11 @@ struct JobLabels {
 struct OutcomeLabels {
     kind: &'static str,
     outcome: &'static str,
+}
+
+#[derive(Clone, Debug, PartialEq, Eq, Hash, EncodeLabelSet)]
+struct AttemptLabels {
+    outcome: String,
 }
 
 #[derive(Clone, Debug, PartialEq, Eq, Hash, EncodeLabelSet)]
@@ -83,6 +90,7 @@ impl Metrics {
             durations: Family::new_with_constructor(of_a_job),
             waits: Family::new_with_constructor(of_a_job),
             done: Family::default(),
+            attempts: Family::default(),
             jobs: Family::default(),
             registry: Registry::default(),
         };
@@ -108,6 +116,11 @@ impl Metrics {
             metrics.waits.clone(),
         );
         registry.register("job_progress", "Steps, attempts and the like", metrics.done.clone());
+        registry.register(
+            "grasp_attempts",
+            "Attempts of evaluations, by how they ended",
+            metrics.attempts.clone(),
+        );
         registry.register("jobs", "Jobs by kind and status", metrics.jobs.clone());
         Self { registry, ..metrics }
     }
@@ -135,6 +148,11 @@ impl Metrics {
             let labels = UnitLabels { kind: kind.name(), unit: unit.to_owned() };
             self.done.get_or_create(&labels).inc_by(by);
         }
+    }
+
+    /// Notes how attempts of an evaluation ended.
+    pub(crate) fn attempted(&self, outcome: &str, count: u64) {
+        self.attempts.get_or_create(&AttemptLabels { outcome: outcome.into() }).inc_by(count);
     }
 
     /// Everything as text, with the jobs that there are.

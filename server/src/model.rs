@@ -43,6 +43,9 @@ impl ModelFile {
     }
 }
 
+/// How ids of models that jobs made begin.
+pub(crate) const OF_JOB: &str = "mdl_";
+
 /// An id is a folder's name of lower-case letters, digits and hyphens: nothing that could lead out
 /// of the models folder.
 pub(crate) fn is_id(text: &str) -> bool {
@@ -53,6 +56,16 @@ pub(crate) fn is_id(text: &str) -> bool {
 impl Model {
     /// The model with this id, if its folder holds weights.
     pub(crate) async fn find(state: &AppState, id: &str) -> Result<Self, Problem> {
+        let missing = Problem {
+            status: StatusCode::NOT_FOUND,
+            code: "model_not_found",
+            detail: format!("there is no model \"{id}\""),
+            hint: "GET /api/v1/models lists the models; `ngf train` makes one".into(),
+            param: None,
+        };
+        if id.starts_with(OF_JOB) {
+            return Err(missing);
+        }
         if !is_id(id) {
             return Err(Problem {
                 status: StatusCode::BAD_REQUEST,
@@ -66,13 +79,7 @@ impl Model {
         let has_weights = tokio::fs::metadata(folder.join(WEIGHTS.file_name)).await;
         match has_weights {
             Ok(metadata) if metadata.is_file() => Ok(Self { id: id.into(), folder }),
-            _ => Err(Problem {
-                status: StatusCode::NOT_FOUND,
-                code: "model_not_found",
-                detail: format!("there is no model \"{id}\""),
-                hint: "GET /api/v1/models lists the models; `ngf train` makes one".into(),
-                param: None,
-            }),
+            _ => Err(missing),
         }
     }
 

@@ -134,6 +134,20 @@ impl Problem {
         Self::new(StatusCode::CONFLICT, "invalid_state", detail, hint)
     }
 
+    /// A job that has not ended works on it.
+    pub(crate) fn in_use(id: &str, job: &str) -> Self {
+        let detail = format!("{job} works on {id}");
+        let hint = "wait until the job has ended, or cancel it";
+        Self::new(StatusCode::CONFLICT, "in_use", detail, hint)
+    }
+
+    /// No job made it, so the server does not delete it.
+    pub(crate) fn not_of_a_job(id: &str) -> Self {
+        let detail = format!("the model \"{id}\" is not one that a job made");
+        let hint = "whoever operates the server removes its folder, or chooses another default";
+        Self::new(StatusCode::CONFLICT, "not_of_a_job", detail, hint)
+    }
+
     /// A key was used for another request.
     pub(crate) fn key_reused() -> Self {
         let detail = "this Idempotency-Key was used with another body".to_owned();
@@ -165,7 +179,7 @@ impl Problem {
     /// The disk is nearly full.
     pub(crate) fn disk_full(free: u64, least: u64) -> Self {
         let detail = format!("{free} bytes are free on the disk, and {least} stay so");
-        let hint = "delete meshes, and jobs with ?artifacts=true, or make room";
+        let hint = "delete datasets, models, meshes, or jobs with ?artifacts=true";
         Self::new(StatusCode::INSUFFICIENT_STORAGE, "disk_full", detail, hint)
     }
 

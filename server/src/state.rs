@@ -12,7 +12,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::SystemTime;
 
 /// Stands for the model that whoever operates the server chose.
-const DEFAULT: &str = "default";
+pub(crate) const DEFAULT: &str = "default";
 
 /// Folders to serve from; cheap to clone.
 #[derive(Clone, Debug)]

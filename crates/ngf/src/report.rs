@@ -73,6 +73,7 @@ pub(crate) fn begin() -> Result<()> {
         host: std::env::var("HOSTNAME").unwrap_or_else(|_| "localhost".into()),
         pid: std::process::id(),
         version: env!("CARGO_PKG_VERSION").into(),
+        threads: std::thread::available_parallelism().map_or(1, usize::from),
     };
     let report = Report { worker: Some(worker), ..Report::default() };
     let reporter = REPORTER.get_or_init(|| Reporter {

@@ -2,6 +2,7 @@
 
 use super::{Engine, command};
 use crate::job::{Job, Kind, Outputs};
+use crate::model::OF_JOB;
 use crate::store::{Artifact, News, RecordKind, StoreError, Type};
 use chrono::Utc;
 use dataset::Manifest;
@@ -159,7 +160,7 @@ impl Engine {
         for file in files.iter().filter(|file| file.name.ends_with(".safetensors")) {
             hasher.update(file.hash.as_bytes());
         }
-        let id = format!("mdl_{}", &hasher.finalize().to_hex()[..16]);
+        let id = format!("{OF_JOB}{}", &hasher.finalize().to_hex()[..16]);
         let entry = |file: &Artifact| {
             let name = file.name.rsplit('/').next().unwrap_or_default().to_owned();
             (name, json!({ "blake3": file.hash, "bytes": file.bytes }))
@@ -179,6 +180,11 @@ impl Engine {
         let mut reports: Value =
             serde_json::from_slice(&tokio::fs::read(out.join(command::REPORT)).await?)?;
         for report in reports.as_array_mut().into_iter().flatten() {
+            let failures = report["failures"].as_object().into_iter().flatten();
+            let ends = failures.map(|(reason, count)| (reason.as_str(), count));
+            for (outcome, count) in ends.chain([("lifted", &report["lifted"])]) {
+                self.metrics.attempted(outcome, count.as_u64().unwrap_or_default());
+            }
             // The attempts are in the artifact.
             report.as_object_mut().map(|report| report.remove("rows"));
         }
@@ -219,9 +225,11 @@ impl Engine {
 
     /// A copy of a mesh in the folder of a job, under the name that the object will have.
     pub(super) async fn mesh_file(&self, id: &str, folder: &Path) -> Result<PathBuf, StoreError> {
-        let record = self.store.record(RecordKind::Mesh, id).await?.unwrap_or_default();
         let path = folder.join("in").join(format!("{id}.mesh"));
         if !path.exists() {
+            let record = self.store.record(RecordKind::Mesh, id).await?;
+            let gone = || io::Error::other(format!("the mesh {id} was deleted"));
+            let record = record.ok_or_else(gone)?;
             self.store.copy_to(record["hash"].as_str().unwrap_or_default(), &path).await?;
         }
         Ok(path)
@@ -229,7 +237,9 @@ impl Engine {
 
     /// Folder of a dataset.
     pub(super) async fn dataset_path(&self, id: &str) -> Result<PathBuf, StoreError> {
-        let record = self.store.record(RecordKind::Dataset, id).await?.unwrap_or_default();
+        let record = self.store.record(RecordKind::Dataset, id).await?;
+        let gone = || io::Error::other(format!("the dataset {id} was deleted"));
+        let record = record.ok_or_else(gone)?;
         Ok(self.dataset_folder(record["hash"].as_str().unwrap_or_default()))
     }
 }

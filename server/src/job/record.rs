@@ -134,6 +134,9 @@ pub struct Worker {
     pub pid: u32,
     /// Version of its program.
     pub version: String,
+    /// Threads that its machine has for it.
+    #[serde(default)]
+    pub threads: usize,
 }
 
 impl Job {

@@ -1,12 +1,13 @@
 //! Datasets that jobs made.
 
 use super::Jobs;
-use super::jobs::limit;
+use super::list::{STANDARD_LIMIT, limit};
 use crate::Problem;
 use crate::engine::Engine;
 use crate::extract::{Path, Query};
 use crate::store::RecordKind;
 use axum::Json;
+use axum::http::StatusCode;
 use dataset::Dataset;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -21,12 +22,7 @@ pub(crate) async fn list(
     Jobs(engine): Jobs,
     Query(query): Query<BTreeMap<String, String>>,
 ) -> Result<Json<Value>, Problem> {
-    let asked = query.get("limit").map_or(Ok(20), |text| limit(text))?;
-    let after = query.get("after").map(String::as_str);
-    let mut records = engine.store.records(RecordKind::Dataset, after, asked + 1).await?;
-    let has_more = records.len() as i64 > asked;
-    records.truncate(asked as usize);
-    Ok(Json(json!({ "object": "list", "data": records, "has_more": has_more })))
+    super::list::records(&engine, RecordKind::Dataset, &query).await
 }
 
 /// One of them.
@@ -46,6 +42,21 @@ async fn find(engine: &Engine, id: &str) -> Result<Value, Problem> {
     record.ok_or_else(|| Problem::no_record("dataset", id))
 }
 
+/// Forgets one, with its files; jobs that have not ended keep theirs.
+#[utoipa::path(
+    delete, path = "/datasets/{id}", tag = "datasets", params(("id" = String, Path)),
+    responses((status = 204, description = "It is forgotten")),
+)]
+pub(crate) async fn delete(
+    Jobs(engine): Jobs,
+    Path(id): Path<String>,
+) -> Result<StatusCode, Problem> {
+    let record = find(&engine, &id).await?;
+    engine.not_in_use(&id).await?;
+    engine.forget_dataset(&record).await?;
+    Ok(StatusCode::NO_CONTENT)
+}
+
 /// The demonstrations that were kept, in their order.
 #[utoipa::path(
     get, path = "/datasets/{id}/episodes", tag = "datasets",
@@ -62,7 +73,7 @@ pub(crate) async fn episodes(
     Path(id): Path<String>,
     Query(query): Query<BTreeMap<String, String>>,
 ) -> Result<Json<Value>, Problem> {
-    let asked = query.get("limit").map_or(Ok(20), |text| limit(text))? as usize;
+    let asked = query.get("limit").map_or(Ok(STANDARD_LIMIT), |text| limit(text))? as usize;
     let not_a_number = |_| Problem::invalid("after", "it is the number of an episode");
     let after = query.get("after").map(|text| text.parse::<u32>().map_err(not_a_number));
     let first = after.transpose()?.map_or(0, |last| last as usize + 1);

@@ -1,7 +1,8 @@
 //! What happened to jobs: as a list, as a stream, as columns of numbers.
 
 use super::Jobs;
-use super::jobs::{find, limit};
+use super::jobs::find;
+use super::list::limit;
 use crate::engine::Engine;
 use crate::extract::{Path, Query};
 use crate::metrics::OpenStream;

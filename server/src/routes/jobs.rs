@@ -1,130 +1,23 @@
 //! Jobs over HTTP.
 
 use super::Jobs;
-use super::artifacts::is_whole;
+use super::job_request::{
+    JobPatch, JobRequest, Request, Verb, checked_metadata, checked_name, flag, read_json,
+};
+use super::list::{Page, STANDARD_LIMIT, limit};
 use crate::engine::{Engine, Report};
 use crate::extract::{Path, Query, Whole};
 use crate::guard::bearer;
-use crate::job::{
-    DatasetParams, EncoderParams, EvaluationParams, Job, JobView, Kind, MeshParams, Params,
-    PolicyParams, Status,
-};
-use crate::store::{Created, Filter, News, Type};
+use crate::job::{Job, JobView, Kind, Params, Status};
+use crate::store::{Created, Filter, News};
 use crate::{AppState, Problem};
 use axum::Json;
-use axum::body::Body;
 use axum::extract::{FromRequest, Request as Asked, State};
-use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
+use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
-use serde::Deserialize;
-use serde_json::{Map, Value, json};
+use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::time::Duration;
-use tower::ServiceExt;
-use tower_http::services::ServeFile;
-use utoipa::ToSchema;
-
-/// What is asked for.
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Request {
-    kind: Kind,
-    #[serde(default)]
-    params: Map<String, Value>,
-    #[serde(default)]
-    name: Option<String>,
-    #[serde(default)]
-    metadata: Map<String, Value>,
-    #[serde(default)]
-    priority: i64,
-}
-
-/// What is asked for, as it is described: the parameters go with the kind.
-#[derive(ToSchema)]
-#[serde(tag = "kind")]
-#[expect(dead_code, reason = "only described")]
-enum JobTask {
-    #[serde(rename = "dataset.generate")]
-    Dataset {
-        #[serde(default)]
-        params: DatasetParams,
-    },
-    #[serde(rename = "encoder.train")]
-    Encoder { params: EncoderParams },
-    #[serde(rename = "policy.train")]
-    Policy { params: PolicyParams },
-    #[serde(rename = "policy.evaluate")]
-    Evaluation { params: EvaluationParams },
-    #[serde(rename = "mesh.prepare")]
-    Mesh { params: MeshParams },
-}
-
-/// A request for a job, as it is described.
-#[derive(ToSchema)]
-#[expect(dead_code, reason = "only described")]
-struct JobRequest {
-    #[serde(flatten)]
-    task: JobTask,
-    /// A name for people.
-    #[schema(max_length = 200)]
-    name: Option<String>,
-    /// At most 16 texts.
-    #[schema(value_type = Option<std::collections::HashMap<String, String>>)]
-    metadata: Option<Map<String, Value>>,
-    /// Higher ones begin first.
-    priority: Option<i64>,
-}
-
-/// What can be asked of a job.
-#[derive(ToSchema)]
-#[serde(rename_all = "snake_case")]
-#[expect(dead_code, reason = "only described")]
-enum Verb {
-    Cancel,
-    Pause,
-    Resume,
-    Retry,
-    Clone,
-}
-
-/// A page of a list.
-#[derive(ToSchema)]
-#[expect(dead_code, reason = "only described")]
-pub(super) struct Page<T> {
-    /// Always `list`.
-    object: String,
-    data: Vec<T>,
-    /// Whether there are more after these.
-    has_more: bool,
-}
-
-/// Bounds of what may be said of a job.
-const MOST_NAME: usize = 200;
-const MOST_METADATA: usize = 16;
-const MOST_KEY: usize = 64;
-const MOST_VALUE: usize = 512;
-
-fn checked_name(name: Option<&str>) -> Result<(), Problem> {
-    if name.is_some_and(|name| name.len() > MOST_NAME) {
-        return Err(Problem::invalid("name", format!("it may have {MOST_NAME} bytes at most")));
-    }
-    Ok(())
-}
-
-fn checked_metadata(metadata: &Map<String, Value>) -> Result<(), Problem> {
-    let is_good = |(key, value): (&String, &Value)| {
-        key.len() <= MOST_KEY && value.as_str().is_some_and(|value| value.len() <= MOST_VALUE)
-    };
-    if metadata.len() > MOST_METADATA || !metadata.iter().all(is_good) {
-        return Err(Problem::invalid(
-            "metadata",
-            format!(
-                "{MOST_METADATA} entries at most: keys of {MOST_KEY} bytes, texts of {MOST_VALUE}"
-            ),
-        ));
-    }
-    Ok(())
-}
 
 /// Asks for a job.
 #[utoipa::path(
@@ -187,18 +80,6 @@ async fn has_room(state: &AppState, engine: &Engine) -> Result<(), Problem> {
     state.limits.leave_space(engine.data())
 }
 
-/// The one thing that may be asked for behind the path, true or false.
-fn flag(query: &BTreeMap<String, String>, name: &str) -> Result<bool, Problem> {
-    if let Some(other) = query.keys().find(|key| *key != name) {
-        return Err(Problem::invalid(other, "there is no such parameter"));
-    }
-    match query.get(name).map(String::as_str) {
-        None | Some("false") => Ok(false),
-        Some("true") => Ok(true),
-        Some(_) => Err(Problem::invalid(name, "it is true or false")),
-    }
-}
-
 /// What became of asking for a job.
 fn created(created: Created) -> Result<Response, Problem> {
     match created {
@@ -210,26 +91,6 @@ fn created(created: Created) -> Result<Response, Problem> {
         Created::Gone => Err(Problem::key_of_deleted()),
     }
 }
-
-/// Reads JSON; says where it is wrong.
-pub(super) fn read_json<T: serde::de::DeserializeOwned>(body: &[u8]) -> Result<T, Problem> {
-    let value: Value =
-        serde_json::from_slice(body).map_err(|error| Problem::malformed(&error.to_string()))?;
-    // Serde would read a list of the fields' values, too.
-    if !value.is_object() {
-        return Err(Problem::malformed("it is a value of another kind"));
-    }
-    serde_path_to_error::deserialize(value).map_err(|error| {
-        let text = error.inner().to_string();
-        let path = error.path().to_string();
-        let field = text.split('`').nth(1).unwrap_or_default();
-        Problem::invalid(if path == "." { field } else { &path }, text.clone())
-    })
-}
-
-/// Jobs in a list.
-const STANDARD_LIMIT: i64 = 20;
-const MOST_LIMIT: i64 = 100;
 
 /// Some jobs.
 #[utoipa::path(
@@ -286,14 +147,6 @@ pub(crate) async fn list(
         "first_id": jobs.first().map(|job| &job.id), "last_id": jobs.last().map(|job| &job.id),
         "data": jobs.iter().map(Job::view).collect::<Vec<_>>(),
     })))
-}
-
-/// The length of a list.
-pub(super) fn limit(text: &str) -> Result<i64, Problem> {
-    match text.parse() {
-        Ok(limit) if (1..=MOST_LIMIT).contains(&limit) => Ok(limit),
-        _ => Err(Problem::invalid("limit", format!("it is a number from 1 to {MOST_LIMIT}"))),
-    }
 }
 
 /// The longest that a request may wait for a change.
@@ -385,18 +238,6 @@ pub(crate) async fn act(
     Ok((StatusCode::ACCEPTED, [(header::LOCATION, location)], Json(job.view())).into_response())
 }
 
-/// What can be changed of a job.
-#[derive(Debug, Deserialize, ToSchema)]
-#[serde(deny_unknown_fields)]
-struct JobPatch {
-    #[serde(default)]
-    name: Option<String>,
-    #[serde(default)]
-    metadata: Option<Map<String, Value>>,
-    #[serde(default)]
-    priority: Option<i64>,
-}
-
 /// Changes name, metadata or, while it waits, priority.
 #[utoipa::path(
     patch, path = "/jobs/{id}", tag = "jobs", request_body = JobPatch, params(("id" = String, Path, description = "Id of the job")),
@@ -446,10 +287,10 @@ pub(crate) async fn delete(
         return Err(Problem::invalid_state(&job, "deleted"));
     }
     if with_files {
-        engine.store.forget_files(&id).await?;
+        engine.store.forget_files(&id, None).await?;
     }
     engine.store.delete(&id).await?;
-    tokio::fs::remove_dir_all(engine.folder(&id)).await.ok();
+    engine.remove_folder(&id).await;
     Ok(StatusCode::NO_CONTENT)
 }
 
@@ -471,104 +312,4 @@ pub(crate) async fn report(
     let Whole(body) = Whole::from_request(asked, &()).await?;
     let report: Report = read_json(&body)?;
     Ok(Json(engine.hear(&id, bearer(&headers), report).await?).into_response())
-}
-
-/// Models that it wrote on its way, oldest first.
-#[utoipa::path(
-    get, path = "/jobs/{id}/checkpoints", tag = "jobs", params(("id" = String, Path, description = "Id of the job")),
-    responses((status = 200, description = "Models that it wrote on its way", body = Page<Object>)),
-)]
-pub(crate) async fn checkpoints(
-    Jobs(engine): Jobs,
-    Path(id): Path<String>,
-) -> Result<Json<Value>, Problem> {
-    find(&engine, &id).await?;
-    let events = engine.store.events(&[id], Some(Type::Checkpoint), 0, i64::MAX).await?;
-    let data: Vec<Value> = events.into_iter().map(|mut event| event.json["data"].take()).collect();
-    Ok(Json(json!({ "object": "list", "data": data, "has_more": false })))
-}
-
-/// Its files.
-#[utoipa::path(
-    get, path = "/jobs/{id}/artifacts", tag = "jobs", params(("id" = String, Path, description = "Id of the job")),
-    responses((status = 200, description = "Its files", body = Page<Object>)),
-)]
-pub(crate) async fn artifacts(
-    Jobs(engine): Jobs,
-    Path(id): Path<String>,
-) -> Result<Json<Value>, Problem> {
-    find(&engine, &id).await?;
-    let artifacts = engine.store.artifacts_of(&id).await?;
-    let data: Vec<Value> = artifacts
-        .iter()
-        .map(|artifact| {
-            let mut json = json!(artifact);
-            json["url"] = format!("/api/v1/artifacts/{}", artifact.hash).into();
-            json
-        })
-        .collect();
-    Ok(Json(json!({ "object": "list", "data": data, "has_more": false })))
-}
-
-/// What its process printed; `?tail=` gives the last lines.
-#[utoipa::path(
-    get, path = "/jobs/{id}/logs", tag = "jobs",
-    params(("id" = String, Path, description = "Id of the job"), ("tail" = Option<usize>, Query, description = "The last so many lines")),
-    responses((status = 200, description = "What its process printed", content_type = "text/plain", body = String), (status = 206, description = "A part of it", content_type = "text/plain", body = String)),
-)]
-pub(crate) async fn logs(
-    Jobs(engine): Jobs,
-    Path(id): Path<String>,
-    Query(query): Query<BTreeMap<String, String>>,
-    headers: HeaderMap,
-) -> Result<Response, Problem> {
-    find(&engine, &id).await?;
-    let path = engine.folder(&id).join("log.txt");
-    let kind = HeaderValue::from_static("text/plain; charset=utf-8");
-    let mut answer = match query.get("tail") {
-        Some(count) => {
-            let invalid = |_| Problem::invalid("tail", "it is a number of lines");
-            let text = tail(&path, count.parse().map_err(invalid)?).await;
-            text.map_err(|error| Problem::unreadable(&error))?.into_response()
-        }
-        None if !path.exists() => String::new().into_response(),
-        None => {
-            let mut request = axum::http::Request::new(Body::empty());
-            let bytes = tokio::fs::metadata(&path).await.map_or(0, |file| file.len());
-            let is_part =
-                |range: &&HeaderValue| range.to_str().is_ok_and(|text| !is_whole(text, bytes));
-            let range = headers.get(header::RANGE).filter(is_part).cloned();
-            request.headers_mut().extend(range.map(|range| (header::RANGE, range)));
-            match ServeFile::new(&path).oneshot(request).await {
-                Ok(answer) => answer.map(Body::new),
-                Err(never) => match never {},
-            }
-        }
-    };
-    if answer.status() == StatusCode::RANGE_NOT_SATISFIABLE {
-        return Err(Problem::out_of_range("the log"));
-    }
-    answer.headers_mut().insert(header::CONTENT_TYPE, kind);
-    answer.headers_mut().insert(header::CACHE_CONTROL, HeaderValue::from_static("no-store"));
-    Ok(answer)
-}
-
-/// Bytes at the end of a log in which its last lines are looked for.
-const TAIL_BYTES: u64 = 1 << 20;
-
-/// The last lines of a file; none if there is none.
-async fn tail(path: &std::path::Path, count: usize) -> std::io::Result<String> {
-    use tokio::io::{AsyncReadExt, AsyncSeekExt};
-    let mut file = match tokio::fs::File::open(path).await {
-        Ok(file) => file,
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(String::new()),
-        Err(error) => return Err(error),
-    };
-    let length = file.metadata().await?.len();
-    file.seek(std::io::SeekFrom::Start(length.saturating_sub(TAIL_BYTES))).await?;
-    let mut bytes = Vec::new();
-    file.take(TAIL_BYTES).read_to_end(&mut bytes).await?;
-    let text = String::from_utf8_lossy(&bytes);
-    let lines: Vec<&str> = text.lines().collect();
-    Ok(lines[lines.len().saturating_sub(count)..].iter().map(|line| format!("{line}\n")).collect())
 }

@@ -1,22 +1,22 @@
 //! Meshes that are uploaded: the same bytes are the same mesh.
 
 use super::Jobs;
-use super::jobs::limit;
 use crate::extract::{Path, Query};
 use crate::store::RecordKind;
 use crate::{AppState, Problem};
 use axum::Json;
-use axum::body::Body;
 use axum::extract::multipart::MultipartError;
 use axum::extract::{FromRequest, Multipart, Request, State};
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use chrono::Utc;
+use futures_util::StreamExt;
 use geometry::mesh::{self, MAX_BYTES, Report};
-use http_body_util::{BodyExt, Limited};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::time::Duration;
+use tempfile::NamedTempFile;
+use tokio::io::AsyncWriteExt;
 use tokio::sync::Semaphore;
 
 /// Characters of a file's name that are kept.
@@ -40,11 +40,13 @@ pub(crate) async fn upload(
         return Err(Problem::meshes_full(most));
     }
     let given = query.get("name").cloned();
-    let read = tokio::time::timeout(MOST_TIME, read(given, request)).await;
-    let (name, bytes) = read.map_err(|_| Problem::too_slow(MOST_TIME))??;
-    let name = plain(&name);
-    state.metrics.uploaded.inc_by(bytes.len() as u64);
+    let incoming =
+        NamedTempFile::new_in(engine.incoming()).map_err(|error| Problem::unreadable(&error))?;
+    let read = tokio::time::timeout(MOST_TIME, read(given, request, &incoming)).await;
+    let name = plain(&read.map_err(|_| Problem::too_slow(MOST_TIME))??);
     let _one_of_few = INSPECTIONS.acquire().await;
+    let bytes = tokio::fs::read(incoming.path()).await.map_err(|e| Problem::unreadable(&e))?;
+    state.metrics.uploaded.inc_by(bytes.len() as u64);
     let inspected = tokio::task::spawn_blocking(move || {
         let report = mesh::import(&bytes, None).and_then(|import| Report::of(&import));
         (report, bytes)
@@ -76,47 +78,70 @@ static INSPECTIONS: Semaphore = Semaphore::const_new(4);
 
 const UNREADABLE: &str = "it could not be read. Try another file";
 
-/// Name and bytes of what is uploaded; refused as soon as it is known to be too long.
-async fn read(given: Option<String>, request: Request) -> Result<(String, Vec<u8>), Problem> {
+/// Writes what is uploaded to a file, and gives its name; refused as soon as it is known to be too long. However many
+/// send at a time, and however slowly: what they have sent lies on the disk.
+async fn read(
+    given: Option<String>,
+    request: Request,
+    incoming: &NamedTempFile,
+) -> Result<String, Problem> {
+    let unwritable = |error: std::io::Error| Problem::unreadable(&error);
+    let mut file = tokio::fs::File::from_std(incoming.reopen().map_err(unwritable)?);
     // A body cannot be shared between threads, so nothing of the request is held while it is read.
     let headers = request.headers().clone();
     let header = |name| headers.get(name).and_then(|value| value.to_str().ok());
     let length: Option<usize> = header(header::CONTENT_LENGTH).and_then(|text| text.parse().ok());
-    // A form has some text about it.
-    if length.is_some_and(|length| length > MAX_BYTES + 4096) {
+    if length.is_some_and(|length| length > MAX_BYTES + FORM) {
         return Err(Problem::too_large(MAX_BYTES));
     }
     let is_form =
         header(header::CONTENT_TYPE).is_some_and(|kind| kind.starts_with("multipart/form-data"));
-    if !is_form {
-        let bytes = limited(request.into_body()).await?;
-        return Ok((given.unwrap_or_else(|| "mesh".into()), bytes));
-    }
-    let (parts, body) = request.into_parts();
-    let request = Request::from_parts(parts, Body::new(Limited::new(body, MAX_BYTES + 4096)));
-    let bad = |error: MultipartError| match error.status() {
-        StatusCode::PAYLOAD_TOO_LARGE => Problem::too_large(MAX_BYTES),
-        _ => Problem::malformed_form(&error.body_text()),
+    let name = if is_form {
+        let mut form = Multipart::from_request(request, &())
+            .await
+            .map_err(|error| Problem::malformed_form(&error.body_text()))?;
+        let bad = |error: MultipartError| Problem::malformed_form(&error.body_text());
+        let mut fields = 0;
+        let (name, mut field) = loop {
+            let field = form.next_field().await.map_err(bad)?;
+            let field = field.ok_or_else(|| Problem::malformed_form("the form has no file"))?;
+            fields += 1;
+            if fields > MOST_FIELDS {
+                return Err(Problem::malformed_form("the form has too many fields"));
+            }
+            if let Some(name) = field.file_name() {
+                break (name.to_owned(), field);
+            }
+        };
+        let mut taken = 0;
+        while let Some(chunk) = field.chunk().await.map_err(bad)? {
+            taken = room(taken, chunk.len())?;
+            file.write_all(&chunk).await.map_err(unwritable)?;
+        }
+        given.unwrap_or(name)
+    } else {
+        let mut body = request.into_body().into_data_stream();
+        let mut taken = 0;
+        while let Some(chunk) = body.next().await {
+            let chunk = chunk.map_err(|error| Problem::broken_off(&error.to_string()))?;
+            taken = room(taken, chunk.len())?;
+            file.write_all(&chunk).await.map_err(unwritable)?;
+        }
+        given.unwrap_or_else(|| "mesh".into())
     };
-    let mut form = Multipart::from_request(request, &())
-        .await
-        .map_err(|error| Problem::malformed_form(&error.body_text()))?;
-    while let Some(field) = form.next_field().await.map_err(bad)? {
-        let Some(file_name) = field.file_name().map(str::to_owned) else { continue };
-        let bytes = field.bytes().await.map_err(bad)?;
-        return Ok((given.unwrap_or(file_name), bytes.to_vec()));
-    }
-    Err(Problem::malformed_form("the form has no file"))
+    file.flush().await.map_err(unwritable)?;
+    Ok(name)
 }
 
-async fn limited(body: Body) -> Result<Vec<u8>, Problem> {
-    match Limited::new(body, MAX_BYTES).collect().await {
-        Ok(read) => Ok(read.to_bytes().to_vec()),
-        Err(error) if error.is::<http_body_util::LengthLimitError>() => {
-            Err(Problem::too_large(MAX_BYTES))
-        }
-        Err(error) => Err(Problem::broken_off(&error.to_string())),
-    }
+/// Bytes of a form about its file.
+const FORM: usize = 4096;
+
+/// Fields of a form before its file.
+const MOST_FIELDS: usize = 16;
+
+/// The length with some more bytes, if that is not too long.
+fn room(taken: usize, more: usize) -> Result<usize, Problem> {
+    Some(taken + more).filter(|all| *all <= MAX_BYTES).ok_or_else(|| Problem::too_large(MAX_BYTES))
 }
 
 /// A name without folders or anything that is not shown.
@@ -136,12 +161,7 @@ pub(crate) async fn list(
     Jobs(engine): Jobs,
     Query(query): Query<BTreeMap<String, String>>,
 ) -> Result<Json<Value>, Problem> {
-    let asked = query.get("limit").map_or(Ok(20), |text| limit(text))?;
-    let after = query.get("after").map(String::as_str);
-    let mut records = engine.store.records(RecordKind::Mesh, after, asked + 1).await?;
-    let has_more = records.len() as i64 > asked;
-    records.truncate(asked as usize);
-    Ok(Json(json!({ "object": "list", "data": records, "has_more": has_more })))
+    super::list::records(&engine, RecordKind::Mesh, &query).await
 }
 
 /// What is known of one.
@@ -185,7 +205,7 @@ pub(crate) async fn delete(
         return Err(Problem::no_record("mesh", &id));
     }
     engine.store.forget(RecordKind::Mesh, &id).await?;
-    engine.store.forget_files(&id).await?;
+    engine.store.forget_files(&id, None).await?;
     Ok(StatusCode::NO_CONTENT)
 }
 

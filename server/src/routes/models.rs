@@ -1,8 +1,9 @@
 //! Models: the list, the card, and the files that the page fetches.
 
-use super::artifacts;
+use super::{Jobs, artifacts};
 use crate::extract::{Path, Query};
-use crate::model::{Model, ModelFile};
+use crate::model::{Model, ModelFile, OF_JOB};
+use crate::state::DEFAULT;
 use crate::store::RecordKind;
 use crate::{AppState, Problem};
 use axum::Json;
@@ -33,7 +34,7 @@ pub(crate) async fn list(
         let bounds = || format!("it is a number from 1 to {MOST_OF_JOBS}");
         limit.ok_or_else(|| Problem::invalid("limit", bounds()))
     })?;
-    let after = query.get("after").map(String::as_str);
+    let after = query.get("after");
     let (mut data, mut has_more) = (Vec::new(), false);
     if after.is_none() {
         for model in Model::all(&state).await? {
@@ -41,9 +42,8 @@ pub(crate) async fn list(
         }
     }
     if let Some(engine) = &state.engine {
-        let mut records = engine.store.records(RecordKind::Model, after, limit + 1).await?;
-        has_more = records.len() as i64 > limit;
-        records.truncate(limit as usize);
+        let records;
+        (records, has_more) = super::list::page(engine, RecordKind::Model, after, limit).await?;
         data.extend(records.into_iter().map(described));
     }
     Ok(Json(json!({ "object": "list", "data": data, "has_more": has_more })))
@@ -54,7 +54,7 @@ const MOST_OF_JOBS: i64 = 1000;
 
 /// The record of a job's model, if it is one.
 async fn of_job(state: &AppState, id: &str) -> Result<Option<Value>, Problem> {
-    let Some(engine) = state.engine.as_ref().filter(|_| id.starts_with("mdl_")) else {
+    let Some(engine) = state.engine.as_ref().filter(|_| id.starts_with(OF_JOB)) else {
         return Ok(None);
     };
     Ok(engine.store.record(RecordKind::Model, id).await?)
@@ -96,6 +96,28 @@ pub(crate) async fn card(
         told["evaluations"] = engine.store.evaluations_of(id).await?.into();
     }
     Ok(Json(told))
+}
+
+/// Forgets a model that a job made, with those of its files that no other model has.
+#[utoipa::path(
+    delete, path = "/models/{id}", tag = "models", params(("id" = String, Path)),
+    responses((status = 204, description = "It is forgotten")),
+)]
+pub(crate) async fn delete(
+    State(state): State<AppState>,
+    Jobs(engine): Jobs,
+    Path(id): Path<String>,
+) -> Result<StatusCode, Problem> {
+    let Some(record) = of_job(&state, &id).await? else {
+        let model = Model::find(&state, &id).await?;
+        return Err(Problem::not_of_a_job(&model.id));
+    };
+    if state.model_of(DEFAULT) == id {
+        return Err(Problem::not_of_a_job(DEFAULT));
+    }
+    engine.not_in_use(&id).await?;
+    engine.forget_model(&record).await?;
+    Ok(StatusCode::NO_CONTENT)
 }
 
 /// One file of a model. Its ETag is its BLAKE3; an address that names the hash never changes its

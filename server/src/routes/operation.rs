@@ -1,10 +1,13 @@
 //! For those who operate the server, and for programs that want to know it.
 
+use crate::extract::MOST_BODY;
 use crate::{AppState, Problem};
 use axum::Json;
 use axum::extract::State;
 use axum::http::header;
 use axum::response::{IntoResponse, Response};
+use geometry::mesh::{MAX_BYTES, MAX_TRIANGLES};
+use serde_json::{Value, json};
 use utoipa::openapi::security::{HttpAuthScheme, HttpBuilder, SecurityScheme};
 use utoipa::openapi::{
     Components, ContentBuilder, InfoBuilder, LicenseBuilder, OpenApi, Ref, RefOr,
@@ -27,6 +30,18 @@ struct ProblemDetails {
     code: String,
     /// What to do about it.
     hint: String,
+    /// Which parameters are meant, where some are.
+    errors: Option<Vec<WrongParameter>>,
+    /// Names this request in the server's log.
+    request_id: Option<String>,
+}
+
+/// What is wrong with a parameter.
+#[derive(ToSchema)]
+#[expect(dead_code, reason = "only described")]
+struct WrongParameter {
+    param: String,
+    detail: String,
 }
 
 /// Adds to the description what all requests have in common.
@@ -39,6 +54,7 @@ pub(super) fn described(mut api: OpenApi) -> OpenApi {
         .build();
     let components = api.components.get_or_insert_with(Components::new);
     components.schemas.insert("Problem".into(), ProblemDetails::schema());
+    components.schemas.insert("WrongParameter".into(), WrongParameter::schema());
     let bearer = HttpBuilder::new().scheme(HttpAuthScheme::Bearer).build();
     components.add_security_scheme("token", SecurityScheme::Http(bearer));
     for item in api.paths.paths.values_mut() {
@@ -66,11 +82,19 @@ fn problem() -> Answer {
 }
 
 /// The description of all requests.
+#[utoipa::path(
+    get, path = "/openapi.json", tag = "operation",
+    responses((status = 200, description = "This description", body = Object)),
+)]
 pub(super) async fn openapi() -> Json<OpenApi> {
     Json(crate::openapi())
 }
 
 /// Numbers for Prometheus.
+#[utoipa::path(
+    get, path = "/metrics", tag = "operation",
+    responses((status = 200, description = "Numbers as text", content_type = "application/openmetrics-text", body = String)),
+)]
 pub(super) async fn metrics(State(state): State<AppState>) -> Result<Response, Problem> {
     let jobs = match &state.engine {
         Some(engine) => engine.store.counts().await?,
@@ -78,4 +102,60 @@ pub(super) async fn metrics(State(state): State<AppState>) -> Result<Response, P
     };
     let kind = "application/openmetrics-text; version=1.0.0; charset=utf-8";
     Ok(([(header::CONTENT_TYPE, kind)], state.metrics.written(jobs)).into_response())
+}
+
+/// Answers as long as the process can.
+#[utoipa::path(
+    get, path = "/healthz", tag = "operation",
+    responses((status = 200, description = "It answers", body = Object)),
+)]
+pub(super) async fn health() -> Json<Value> {
+    Json(json!({ "status": "ok" }))
+}
+
+/// Which program this is.
+#[utoipa::path(
+    get, path = "/version", tag = "operation",
+    responses((status = 200, description = "Name and version", body = Object)),
+)]
+pub(super) async fn version() -> Json<Value> {
+    Json(json!({ "name": "ngf-grasp", "version": env!("CARGO_PKG_VERSION") }))
+}
+
+/// Answers with 200 once requests can be served.
+#[utoipa::path(
+    get, path = "/readyz", tag = "operation",
+    responses((status = 200, description = "It can serve", body = Object)),
+)]
+pub(super) async fn ready(State(state): State<AppState>) -> Response {
+    let is_ready = match &state.engine {
+        Some(engine) => engine.store.is_ready().await,
+        None => true,
+    };
+    match is_ready {
+        true => Json(json!({ "status": "ready" })).into_response(),
+        false => Problem::not_ready().into_response(),
+    }
+}
+
+/// What there is, and its bounds.
+#[utoipa::path(
+    get, path = "/api/v1", tag = "operation",
+    responses((status = 200, description = "Addresses and limits", body = Object)),
+)]
+pub(super) async fn discover(State(state): State<AppState>) -> Json<Value> {
+    let url = |rest: &str| format!("/api/v1/{rest}");
+    Json(json!({
+        "object": "api", "version": env!("CARGO_PKG_VERSION"),
+        "jobs_enabled": state.engine.is_some(),
+        "urls": {
+            "jobs": url("jobs"), "stream": url("stream?jobs="), "models": url("models"),
+            "datasets": url("datasets"), "meshes": url("meshes"), "artifacts": url("artifacts"),
+        },
+        "limits": {
+            "request_bytes": MOST_BODY, "mesh_bytes": MAX_BYTES, "mesh_triangles": MAX_TRIANGLES,
+            "kept_mesh_bytes": state.limits.kept_mesh_bytes, "queued_jobs": state.limits.queued,
+            "changes_per_second": state.limits.changes_per_second,
+        },
+    }))
 }

@@ -173,21 +173,30 @@ impl Store {
         Ok(Artifact { name: name.into(), hash, bytes, content_type: content_type.into() })
     }
 
-    /// Forgets the files of a job, or of whatever else has an id, and removes those that nothing else names.
-    pub(crate) async fn forget_files(&self, owner: &str) -> Result<(), StoreError> {
+    /// Forgets the files of a job, or of whatever else has an id, all of them or those of these names, and removes what
+    /// nothing else names.
+    pub(crate) async fn forget_files(
+        &self,
+        owner: &str,
+        names: Option<&[String]>,
+    ) -> Result<(), StoreError> {
         let _alone = self.keeping.lock().await;
         let mut change = self.begin().await?;
-        let hashes: Vec<String> =
-            sqlx::query_scalar("SELECT hash FROM job_artifacts WHERE job = ?")
+        let mut files: Vec<(String, String)> =
+            sqlx::query_as("SELECT name, hash FROM job_artifacts WHERE job = ?")
                 .bind(owner)
                 .fetch_all(&mut *change)
                 .await?;
-        sqlx::query("DELETE FROM job_artifacts WHERE job = ?")
-            .bind(owner)
-            .execute(&mut *change)
-            .await?;
+        files.retain(|(name, _)| names.is_none_or(|names| names.contains(name)));
+        for (name, _) in &files {
+            sqlx::query("DELETE FROM job_artifacts WHERE job = ? AND name = ?")
+                .bind(owner)
+                .bind(name)
+                .execute(&mut *change)
+                .await?;
+        }
         let mut orphans = Vec::new();
-        for hash in hashes {
+        for (_, hash) in files {
             let gone = sqlx::query(
                 "DELETE FROM artifacts WHERE hash = ?
                  AND NOT EXISTS (SELECT 1 FROM job_artifacts WHERE hash = artifacts.hash)

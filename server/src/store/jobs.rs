@@ -237,6 +237,17 @@ impl Store {
         Ok(self.jobs(&filter).await?.into_iter().map(|job| job.id).collect())
     }
 
+    /// A job that has not ended and works on what has this id, if there is one.
+    pub(crate) async fn user_of(&self, id: &str) -> Result<Option<String>, StoreError> {
+        Ok(sqlx::query_scalar(
+            "SELECT id FROM jobs WHERE status IN ('queued', 'running', 'paused', 'cancelling')
+             AND EXISTS (SELECT 1 FROM json_each(record, '$.inputs') WHERE value = ?) LIMIT 1",
+        )
+        .bind(id)
+        .fetch_optional(&self.readers)
+        .await?)
+    }
+
     /// How many jobs there are of each kind in each state.
     pub(crate) async fn counts(&self) -> Result<Vec<(String, String, i64)>, StoreError> {
         Ok(sqlx::query_as("SELECT kind, status, count(*) FROM jobs GROUP BY kind, status")

@@ -17,7 +17,8 @@ pub(crate) enum RecordKind {
 }
 
 impl RecordKind {
-    fn name(self) -> &'static str {
+    /// Its name, in the database and in texts.
+    pub(crate) fn name(self) -> &'static str {
         match self {
             Self::Dataset => "dataset",
             Self::Model => "model",

@@ -268,7 +268,12 @@ async fn changes_need_the_token_and_no_foreign_page() {
     let described = serde_json::to_value(server::openapi()).unwrap();
     let mut changes = Vec::new();
     for (path, item) in described["paths"].as_object().unwrap() {
-        let path = path.strip_prefix("/api/v1").unwrap().replace("{verb}", "cancel");
+        // What operators ask lies elsewhere, and changes nothing.
+        let Some(inner) = path.strip_prefix("/api/v1/") else {
+            assert_eq!(item.as_object().unwrap().keys().collect::<Vec<_>>(), ["get"], "{path}");
+            continue;
+        };
+        let path = format!("/{inner}").replace("{verb}", "cancel");
         let path = path.replace(['{', '}'], "");
         // A job's process has a token of its own: see below.
         for method in ["post", "put", "patch", "delete"] {

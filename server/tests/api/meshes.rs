@@ -91,8 +91,45 @@ async fn what_is_no_mesh_is_refused() {
     let no_file = "--cut\r\nContent-Disposition: form-data; name=\"a\"\r\n\r\nb\r\n--cut--\r\n";
     let no_file = send_with(&app, "POST", "/meshes", no_file, &[FORM]).await;
     assert_problem(no_file, 400, "malformed_form").await;
+    let fields = "--cut\r\nContent-Disposition: form-data; name=\"a\"\r\n\r\nb\r\n".repeat(100);
+    let fields = send_with(&app, "POST", "/meshes", fields + "--cut--\r\n", &[FORM]).await;
+    assert_problem(fields, 400, "malformed_form").await;
     let list = json_of(send(&app, "GET", "/meshes", "").await).await;
     assert_eq!(list["data"], json!([]));
+}
+
+#[tokio::test]
+async fn what_is_packed_is_not_unpacked() {
+    let (app, folder) = idle().await;
+    // 10 MB of zeros as gzip: what a zip bomb is made of.
+    let packed = {
+        use std::io::Write;
+        let mut gzip = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::best());
+        gzip.write_all(&vec![0; 10_000_000]).unwrap();
+        gzip.finish().unwrap()
+    };
+    assert!(packed.len() < 20_000);
+    let zip = [b"PK\x03\x04".as_slice(), &packed].concat();
+    for (body, headers) in [
+        (packed.clone(), &[][..]),
+        (packed, &[("content-encoding", "gzip")][..]),
+        (zip, &[("content-type", "application/zip")][..]),
+    ] {
+        let answer = send_with(&app, "POST", "/meshes", body, headers).await;
+        assert_problem(answer, 422, "mesh_unusable").await;
+    }
+    // Nothing of what was sent is left.
+    assert_eq!(std::fs::read_dir(folder.path().join("data/incoming")).unwrap().count(), 0);
+}
+
+#[tokio::test]
+async fn a_page_begins_where_something_is() {
+    let (app, _folder) = idle().await;
+    for list in ["/meshes", "/datasets", "/models"] {
+        let answer = send(&app, "GET", &format!("{list}?after=msh_0"), "").await;
+        let problem = assert_problem(answer, 422, "invalid_parameter").await;
+        assert_eq!(problem["errors"][0]["param"], "after");
+    }
 }
 
 #[tokio::test]

@@ -37,6 +37,37 @@ fn from_nothing_to_a_policy_with_curl_alone() {
     evaluate.args(["evaluate", "--object", "sugar_box", "--attempts", "1", "--model"]).arg(&out);
     let evaluated = evaluate.output().unwrap();
     assert!(evaluated.status.success(), "{}", String::from_utf8_lossy(&evaluated.stderr));
+    assert_all_can_be_deleted(&server, &folder.path().join("data"));
+}
+
+/// Jobs, models and dataset, until nothing is on the disk.
+fn assert_all_can_be_deleted(server: &Server, data: &Path) {
+    let ids = |path: &str| -> Vec<String> {
+        let list = server.get(path);
+        let all = list["data"].as_array().unwrap().iter();
+        all.map(|one| one["id"].as_str().unwrap().to_owned()).collect()
+    };
+    let dataset = &ids("/datasets")[0];
+    let training = server.ask("encoder.train", json!({ "dataset_id": dataset }));
+    assert_eq!(server.delete(&format!("/datasets/{dataset}")), 409, "a job works on it");
+    server.post(&format!("/jobs/{training}/cancel"), &json!({}));
+    server.wait_for(&training, "cancelled");
+    assert_eq!(server.delete(&format!("/datasets/{dataset}")), 204);
+    assert_eq!(server.delete(&format!("/datasets/{dataset}")), 404);
+    assert_eq!(server.delete("/models/default"), 409, "it is the server's");
+    for model in ids("/models").iter().filter(|id| id.starts_with("mdl_")) {
+        assert_eq!(server.delete(&format!("/models/{model}")), 204);
+        assert_eq!(server.delete(&format!("/models/{model}")), 404);
+    }
+    for job in ids("/jobs") {
+        assert_eq!(server.delete(&format!("/jobs/{job}?artifacts=true")), 204);
+    }
+    let files = |folder: &str| -> usize {
+        let entries = std::fs::read_dir(data.join(folder)).unwrap();
+        let inner = |path: PathBuf| std::fs::read_dir(path).unwrap().count();
+        entries.map(|entry| inner(entry.unwrap().path())).sum()
+    };
+    assert_eq!([files("artifacts"), files("datasets"), files("work")], [0; 3]);
 }
 
 #[test]
@@ -137,6 +168,38 @@ fn a_stream_that_breaks_off_twenty_times_misses_nothing() {
     server.wait_for(&id, "succeeded");
     assert_eq!(seen, server.events(&id));
     assert!(seen.len() > 5, "{seen:?}");
+}
+
+#[test]
+fn a_server_that_is_told_to_end_does_so_with_streams_open() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = folder.path().join("data");
+    let mut server = Server::start(&data);
+    let id = server.ask("policy.evaluate", attempts());
+    server.wait_for_progress(&id);
+    let read = |server: &Server, after: i64| {
+        let url = format!("{}/api/v1/jobs/{id}/stream", server.url);
+        let answer = ureq::get(url).header("Last-Event-ID", after.to_string()).call().unwrap();
+        BufReader::new(answer.into_body().into_reader()).lines()
+    };
+    let events = |line: String| -> Option<Value> {
+        let event: Value = serde_json::from_str(line.strip_prefix("data: ")?).ok()?;
+        event["seq"].is_i64().then_some(event)
+    };
+    let lines = read(&server, 0);
+    let began = Instant::now();
+    server.terminate();
+    // The stream ends with the server: cut off, as far as this reader can tell.
+    let mut seen: Vec<Value> = lines.map_while(Result::ok).filter_map(events).collect();
+    assert!(server.ended().success());
+    assert!(began.elapsed() < Duration::from_secs(5), "{:?}", began.elapsed());
+    let last = seen.last().map_or(0, |event| event["seq"].as_i64().unwrap());
+
+    // Nothing is missed and nothing comes twice from the server after it.
+    let server = Server::start(&data);
+    seen.extend(read(&server, last).map_while(Result::ok).filter_map(events));
+    server.wait_for(&id, "succeeded");
+    assert_eq!(seen, server.events(&id));
 }
 
 #[test]

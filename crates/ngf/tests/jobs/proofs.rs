@@ -2,7 +2,7 @@
 
 use crate::server::{Server, is_alive, kill, made};
 use serde_json::{Value, json};
-use std::io::{Read, Write};
+use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
 use std::path::Path;
 use std::process::Command;
@@ -111,7 +111,9 @@ fn resident(pid: u32) -> u64 {
 }
 
 /// Who reads at the same time, and how long each rests after an answer.
-const READERS: usize = 100;
+const READERS: usize = 80;
+/// Who follows the job's events meanwhile.
+const FOLLOWERS: usize = 20;
 const REST: Duration = Duration::from_millis(100);
 
 #[test]
@@ -132,6 +134,7 @@ fn a_crowd_that_reads_is_answered_while_a_job_trains() {
 
     let paths = ["/jobs".to_owned(), format!("/jobs/{id}"), format!("/jobs/{id}/events?limit=20")];
     let (is_over, times) = (AtomicBool::new(false), Mutex::new(Vec::new()));
+    let followed = Mutex::new(Vec::new());
     let mut memory = Vec::new();
     std::thread::scope(|scope| {
         for reader in 0..READERS {
@@ -153,13 +156,30 @@ fn a_crowd_that_reads_is_answered_while_a_job_trains() {
                 times.lock().unwrap().extend(taken);
             });
         }
+        for _ in 0..FOLLOWERS {
+            let url = format!("{}/api/v1/jobs/{id}/stream", server.url);
+            let followed = &followed;
+            scope.spawn(move || {
+                let answer = ureq::get(url).call().unwrap().into_body();
+                let lines = BufReader::new(answer.into_reader()).lines();
+                let ids = lines.map_while(Result::ok).filter(|line| line.starts_with("id: "));
+                followed.lock().unwrap().push(ids.collect::<Vec<_>>());
+            });
+        }
         let began = Instant::now();
         while began.elapsed().as_secs() < seconds {
             std::thread::sleep(Duration::from_secs(seconds.div_ceil(20)));
             memory.push(resident(server.pid()));
         }
         is_over.store(true, Ordering::Relaxed);
+        server.post(&format!("/jobs/{id}/cancel"), &json!({}));
+        server.wait_for(&id, "cancelled");
     });
+    let followed = followed.into_inner().unwrap();
+    println!("{} events to each of {FOLLOWERS} followers", followed[0].len());
+    let all: Vec<String> =
+        server.events(&id).iter().map(|event| format!("id: {}", event["seq"])).collect();
+    assert!(followed.iter().all(|ids| ids[..all.len()] == all), "a follower missed some");
     let mut times = times.into_inner().unwrap();
     times.sort_by(f64::total_cmp);
     let of = |share: f64| 1e3 * times[(share * (times.len() - 1) as f64) as usize];
@@ -172,8 +192,6 @@ fn a_crowd_that_reads_is_answered_while_a_job_trains() {
     );
     let megabytes: Vec<u64> = memory.iter().map(|bytes| bytes / 1_000_000).collect();
     println!("memory of the server (MB): {megabytes:?}");
-    server.post(&format!("/jobs/{id}/cancel"), &json!({}));
-    server.wait_for(&id, "cancelled");
     assert!(of(0.99) < 50.0, "{}", of(0.99));
     let (quarter, last) = (memory[memory.len() / 4], memory[memory.len() - 1]);
     // Less than one model: what a training leaves behind is not left in memory.

@@ -3,7 +3,7 @@
 use serde_json::{Value, json};
 use std::io::{BufRead, BufReader};
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
 /// A server on a port of its own, killed when it is dropped.
@@ -51,6 +51,23 @@ impl Server {
     pub(crate) fn post(&self, path: &str, body: &Value) -> Value {
         let url = format!("{}/api/v1{path}", self.url);
         ureq::post(url).send_json(body).unwrap().body_mut().read_json().unwrap()
+    }
+
+    /// Deletes something; gives the status of the answer.
+    pub(crate) fn delete(&self, path: &str) -> u16 {
+        let agent = ureq::Agent::config_builder().http_status_as_error(false).build().new_agent();
+        agent.delete(format!("{}/api/v1{path}", self.url)).call().unwrap().status().as_u16()
+    }
+
+    /// Tells it to end.
+    pub(crate) fn terminate(&self) {
+        let told = Command::new("kill").arg(self.pid().to_string()).status();
+        assert!(told.unwrap().success());
+    }
+
+    /// Waits for its end.
+    pub(crate) fn ended(&mut self) -> ExitStatus {
+        self.process.wait().unwrap()
     }
 
     /// Uploads a mesh; gives its id.
