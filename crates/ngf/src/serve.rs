@@ -143,30 +143,30 @@ async fn serve(options: &Options) -> anyhow::Result<()> {
         stop_signal().await;
         stopping.send_replace(true);
     });
-    let deadline = async {
-        // An error here means that serving has ended already, and the other branch is taken.
-        stopped.wait_for(|stopped| *stopped).await.ok();
+    let mut told = stopped.clone();
+    let served = async move {
+        let too_long = async {
+            // An error here means that nobody can tell the server to stop any more: it has stopped.
+            stopped.wait_for(|stopped| *stopped).await.ok();
+            tokio::time::sleep(GRACE).await;
+        };
+        tokio::select! {
+            result = serving => result.context("the server failed"),
+            () = too_long => Ok(()),
+        }
+    };
+    // To its end, also if nobody is left to serve: a change of a job that is begun and left holds up the next one.
+    let rested = async {
+        told.wait_for(|stopped| *stopped).await.ok();
         if let Some(working) = &working {
             working.abort();
         }
         if let Some(engine) = &engine {
             engine.rest().await;
         }
-        tokio::time::sleep(GRACE).await;
     };
-    // Serving ends without the deadline only if the server was told to stop and nobody is left, or if it failed.
-    tokio::pin!(deadline);
-    tokio::select! {
-        result = serving => result.context("the server failed")?,
-        () = &mut deadline => return Ok(()),
-    }
-    if let Some(working) = &working {
-        working.abort();
-    }
-    if let Some(engine) = &engine {
-        engine.rest().await;
-    }
-    Ok(())
+    let (served, ()) = tokio::join!(served, rested);
+    served
 }
 
 /// The token that changes need, if they need one.
