@@ -28,6 +28,13 @@ pub fn to_front(cloud: &[Vec3]) -> (f64, Vec<Vec3>) {
     (f64::from(bearing), cloud.iter().map(turn).collect())
 }
 
+/// A cloud that was turned to the front, turned back to the bearing (rad) at which it lay.
+pub fn from_front(bearing: f64, cloud: &[Vec3]) -> Vec<Vec3> {
+    let (sin, cos) = libm::sincosf(bearing as f32);
+    let turn = |p: &Vec3| Vec3::new(cos * p.x - sin * p.y, sin * p.x + cos * p.y, p.z);
+    cloud.iter().map(turn).collect()
+}
+
 impl Encoding {
     /// q̈ (rad/s²) of a policy at a state; `None` if it is not finite.
     pub fn acceleration(&self, network: &Network, state: &JointState) -> Option<JointVector> {

@@ -86,6 +86,12 @@ impl Model {
         })
     }
 
+    /// The cloud, turned to the front, that is in what the policy is told; `None` if only its position is.
+    pub fn reconstruct(&self, told: &Encoding) -> Option<Vec<Vec3>> {
+        let is_cloud = self.observation == Observation::Cloud;
+        is_cloud.then(|| self.decoder.decode(&told.z))
+    }
+
     /// What the policy is told of a cloud (base frame) in farthest-point order; `None` if it is empty.
     pub fn observe(&self, cloud: &[Vec3]) -> Option<Encoding> {
         match self.observation {

@@ -67,17 +67,17 @@ pub enum Phase {
 
 /// An attempt in progress.
 pub struct Attempt {
-    scene: Scene,
+    pub(crate) scene: Scene,
     object: Object,
     name: String,
     pose: [f32; 3],
     seed: u64,
     controller: Controller,
     cloud: Vec<Vec3>,
-    encoding: Option<Encoding>,
-    state: JointState,
+    pub(crate) encoding: Option<Encoding>,
+    pub(crate) state: JointState,
     plan: std::vec::IntoIter<JointState>,
-    phase: Phase,
+    pub(crate) phase: Phase,
     phase_ticks: usize,
     resting_ticks: usize,
     approach_ticks: usize,
@@ -86,6 +86,10 @@ pub struct Attempt {
     hold: Option<Hold>,
     story: Story,
     verdict: Option<Verdict>,
+    /// The world's hash at the verdict.
+    end: Option<String>,
+    pub(crate) is_pulled: bool,
+    pub(crate) was_pulled: bool,
     targets: Vec<Vec<f64>>,
 }
 
@@ -144,6 +148,9 @@ impl Attempt {
             hold: None,
             story: Story { start: world_from_object.translation, highest: 0.0 },
             verdict: None,
+            end: None,
+            is_pulled: false,
+            was_pulled: false,
             targets: Vec::new(),
         };
         attempt.targets.push(row_of(&attempt.state));
@@ -316,6 +323,7 @@ impl Attempt {
 
     fn finish(&mut self, verdict: Verdict) {
         self.verdict = Some(verdict);
+        self.end = Some(self.scene.state_hash().to_hex().to_string());
         self.enter(Phase::Done);
     }
 
@@ -359,9 +367,10 @@ impl Attempt {
         self.seed
     }
 
-    /// Hash of the present state, hex.
+    /// Hash of the present state, or of that at the verdict, hex.
     pub fn state_hash(&self) -> String {
-        self.scene.state_hash().to_hex().to_string()
+        let now = || self.scene.state_hash().to_hex().to_string();
+        self.end.clone().unwrap_or_else(now)
     }
 
     /// Ticks through to the verdict.

@@ -11,6 +11,7 @@ pub mod episode;
 pub mod interval;
 pub mod library;
 pub mod motion;
+mod onlooker;
 pub mod verdict;
 pub mod workcell;
 

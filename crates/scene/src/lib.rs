@@ -18,5 +18,5 @@ mod world;
 pub use config::{SceneConfig, SceneError};
 pub use hand::HandScene;
 pub use hold::{Hold, Loss};
-pub use simulation::{Simulation, Touching};
-pub use world::Scene;
+pub use simulation::{Contact, Simulation, Touching};
+pub use world::{Pull, Scene};

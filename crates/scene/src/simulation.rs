@@ -28,6 +28,15 @@ pub trait Simulation {
     fn is_finite(&self) -> bool;
 }
 
+/// Something presses on an object.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Contact {
+    /// Where (m).
+    pub point: Vec3,
+    /// With what force (N), friction included.
+    pub force: Vec3,
+}
+
 /// What an object touches.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Touching {

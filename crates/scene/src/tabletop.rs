@@ -3,7 +3,8 @@
 use crate::colliders;
 use crate::config::{SceneConfig, SceneError, vec3};
 use crate::links::mass_properties;
-use crate::simulation::Touching;
+use crate::simulation::{Contact, Touching};
+use crate::world::Pull;
 use geometry::object::Object;
 use geometry::{Pose, Vec3};
 use nalgebra::Matrix3;
@@ -116,6 +117,46 @@ impl Tabletop {
             }
         }
         touching
+    }
+
+    /// Where something presses on the object, as of the last step.
+    pub(crate) fn contacts(&self) -> Vec<Contact> {
+        let dt = self.world.integration_parameters.dt;
+        let mut contacts = Vec::new();
+        for &collider in &self.object_colliders {
+            for pair in self.world.contact_pairs_with(collider) {
+                // The normal leads from the first to the second, and so does what presses on the second.
+                let sign = if pair.collider2 == collider { 1.0 } else { -1.0 };
+                let first = *self.world.colliders[pair.collider1].position();
+                for manifold in pair.manifolds() {
+                    let place = manifold.subshape_pos1().map_or(first, |part| first * part);
+                    for point in manifold.points.iter().filter(|point| point.data.impulse > 0.0) {
+                        let data = &point.data;
+                        // The engine gives friction of the whole step in a basis that it keeps to itself, and
+                        // that of the last iteration in the world: length of the one, direction of the other.
+                        let friction = data.warmstart_tangent_world.normalize_or_zero()
+                            * data.tangent_impulse.norm();
+                        let impulse = manifold.data.normal * data.impulse - friction;
+                        let force = impulse * (sign / dt);
+                        contacts.push(Contact { point: place * point.local_p1, force });
+                    }
+                }
+            }
+        }
+        contacts
+    }
+
+    /// Pulls at the object with a force (N) for the next step; `None` lets go.
+    pub(crate) fn pull(&mut self, pull: Option<&Pull>) {
+        let body = &mut self.world.bodies[self.object];
+        body.reset_forces(true);
+        body.reset_torques(true);
+        let Some(pull) = pull else { return };
+        let at = *body.position() * pull.point;
+        let off = pull.towards - at;
+        let brake = 2.0 * (pull.stiffness * body.mass()).sqrt();
+        let force = off * pull.stiffness - body.velocity_at_point(at) * brake;
+        body.add_force_at_point(force.clamp_length_max(pull.most), at, true);
     }
 
     /// Whether the object's pose is finite and the engine has given up on no body.

@@ -3,7 +3,7 @@
 use crate::colliders;
 use crate::config::{SceneConfig, SceneError};
 use crate::links::{self, set_target};
-use crate::simulation::{Simulation, Touching};
+use crate::simulation::{Contact, Simulation, Touching};
 use crate::tabletop::Tabletop;
 use geometry::object::Object;
 use geometry::{Pose, Vec3};
@@ -22,6 +22,21 @@ pub struct Scene {
     /// Position of each joint in the engine's generalized vectors.
     dof_index: [usize; DOF],
     steps: u64,
+    /// Who pulls at the object, if somebody does.
+    pull: Option<Pull>,
+}
+
+/// Somebody pulls at a point of the object as if by a spring.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pull {
+    /// The point, in the object's frame (m).
+    pub point: Vec3,
+    /// Where to (m).
+    pub towards: Vec3,
+    /// Of the spring (N/m); it is damped so that it does not swing.
+    pub stiffness: f32,
+    /// The greatest force (N).
+    pub most: f32,
 }
 
 impl Scene {
@@ -44,6 +59,7 @@ impl Scene {
             joints,
             dof_index: [0; DOF],
             steps: 0,
+            pull: None,
         };
         scene.place_robot(q);
         scene.drive(&JointState::at_rest(*q));
@@ -76,6 +92,17 @@ impl Scene {
     /// Puts the object somewhere else, at rest.
     pub fn place_object(&mut self, world_from_object: &Pose) {
         self.tabletop.place_object(world_from_object);
+    }
+
+    /// Lets somebody pull at the object from now on, or let go.
+    pub fn pull(&mut self, pull: Option<Pull>) {
+        self.pull = pull;
+        self.tabletop.pull(None);
+    }
+
+    /// Where something presses on the object, as of the last step.
+    pub fn contacts(&self) -> Vec<Contact> {
+        self.tabletop.contacts()
     }
 
     /// Physics steps so far.
@@ -133,6 +160,9 @@ impl Simulation for Scene {
         for substep in 1..=self.substeps {
             let s = substep as f64 / self.substeps as f64;
             self.drive(&links::hermite(from, to, s));
+            if self.pull.is_some() {
+                self.tabletop.pull(self.pull.as_ref());
+            }
             self.tabletop.world.step();
             self.steps += 1;
         }

@@ -1,0 +1,104 @@
+//! What an onlooker sees of an attempt and does to it: forces that bear the object's weight, a cloud that lies where the
+//! object is, and pulling.
+
+#![allow(clippy::unwrap_used, reason = "a helper of a test fails by panicking too")]
+
+use geometry::Vec3;
+use geometry::object::Object;
+use rollout::{Attempt, Controller, Phase, Verdict, Workcell};
+use scene::Simulation;
+use std::path::Path;
+
+/// A cell with the shipped model.
+fn workcell() -> Workcell {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../models/default");
+    let read = |name: &str| std::fs::read(folder.join(name)).unwrap();
+    let files = ["weights.safetensors", "starts.safetensors", "config.json"].map(read);
+    let mut workcell = Workcell::new().unwrap();
+    workcell.load_model(&files[0], &files[1], &files[2]).unwrap();
+    workcell
+}
+
+fn begin(workcell: &Workcell, object: &Object) -> Attempt {
+    Attempt::begin(workcell, object, "sugar_box", None, 0, Controller::Planner).unwrap()
+}
+
+/// What presses on the object in all, over its weight.
+fn borne(attempt: &Attempt, object: &Object) -> Vec3 {
+    let force = attempt.contacts().iter().fold(Vec3::ZERO, |sum, contact| sum + contact.force);
+    force / (object.mass * 9.81)
+}
+
+#[test]
+fn forces_bear_the_weight_on_the_table_and_in_the_hand() {
+    let (workcell, object) = (workcell(), Object::built_in("sugar_box").unwrap());
+    let mut attempt = begin(&workcell, &object);
+    let (mut on_table, mut in_hand) = (Vec::new(), Vec::new());
+    while attempt.verdict().is_none() {
+        attempt.tick(&workcell);
+        match attempt.phase() {
+            Phase::Approach => on_table.push(borne(&attempt, &object)),
+            Phase::Hold => in_hand.push(borne(&attempt, &object)),
+            _ => {}
+        }
+    }
+    assert!(attempt.verdict().unwrap().is_lifted());
+    for (name, all) in [("table", on_table), ("hand", in_hand)] {
+        assert!(all.len() > 10, "{name}");
+        // Impulses of single steps scatter; their mean bears the weight, and nothing else.
+        let mean = all.iter().fold(Vec3::ZERO, |sum, force| sum + *force) / all.len() as f32;
+        println!("{name}: {mean} of the weight");
+        assert!(mean.distance(Vec3::Z) < 0.1, "{name}: {mean}");
+    }
+}
+
+#[test]
+fn the_reconstruction_lies_where_the_object_is() {
+    let (workcell, object) = (workcell(), Object::built_in("sugar_box").unwrap());
+    for seed in 0..5 {
+        let policy = Controller::Policy;
+        let attempt = Attempt::begin(&workcell, &object, "sugar_box", None, seed, policy).unwrap();
+        let made = attempt.reconstruction(&workcell).unwrap();
+        let nearest = |point: &Vec3| {
+            attempt.cloud().iter().map(|p| p.distance(*point)).fold(f32::INFINITY, f32::min)
+        };
+        let mean = made.iter().map(nearest).sum::<f32>() / made.len() as f32;
+        assert!(mean < 0.01, "seed {seed}: {mean} m off");
+    }
+    // The planner asks no encoder.
+    assert!(begin(&workcell, &object).reconstruction(&workcell).is_none());
+}
+
+#[test]
+fn pulling_tears_the_object_out_of_the_hand_and_is_remembered() {
+    let (workcell, object) = (workcell(), Object::built_in("sugar_box").unwrap());
+    let mut attempt = begin(&workcell, &object);
+    while attempt.phase() != Phase::Policy {
+        attempt.tick(&workcell);
+    }
+    let far = attempt.scene().object_pose().translation + Vec3::new(0.0, 0.6, 0.0);
+    attempt.pull(Some((Vec3::ZERO, far)));
+    let verdict = attempt.run(&workcell);
+    assert!(matches!(verdict, Verdict::Failed { .. }) && attempt.was_pulled(), "{verdict:?}");
+    let moved = attempt.scene().object_pose().translation.y - (far.y - 0.6);
+    assert!(moved > 0.1, "{moved}");
+}
+
+#[test]
+fn after_the_verdict_the_world_goes_on_and_the_verdict_stays() {
+    let (workcell, object) = (workcell(), Object::built_in("sugar_box").unwrap());
+    let mut attempt = begin(&workcell, &object);
+    let told = (attempt.run(&workcell), attempt.state_hash());
+    let (ticks, steps) = (attempt.ticks(), attempt.scene().steps());
+    let before = attempt.scene().object_pose().translation;
+    attempt.pull(Some((Vec3::ZERO, before + Vec3::new(0.0, 0.0, 0.05))));
+    for _ in 0..15 {
+        attempt.linger();
+    }
+    assert!(!attempt.was_pulled() && attempt.is_pulled());
+    assert!(attempt.scene().object_pose().translation.distance(before) > 1e-4);
+    attempt.pull(None);
+    assert_eq!((attempt.verdict().unwrap(), attempt.state_hash()), told);
+    assert!(attempt.ticks() == ticks && attempt.scene().steps() > steps);
+    assert_eq!(attempt.episode().replay(&workcell, &object).unwrap(), (Some(told.0), told.1));
+}
