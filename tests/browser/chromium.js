@@ -110,3 +110,16 @@ export async function screenshot(page, name) {
 export async function untilReady(page) {
   await page.waitForSelector("#grasp:enabled");
 }
+
+// Runs in the page: a point where the pointer could grab the object.
+export function findObject() {
+  const canvas = document.getElementById("view");
+  const { width, height } = canvas.getBoundingClientRect();
+  for (let y = 0.2 * height; y < 0.75 * height; y += 8) {
+    for (let x = 0.2 * width; x < 0.8 * width; x += 8) {
+      canvas.dispatchEvent(new PointerEvent("pointermove", { clientX: x, clientY: y, pointerType: "mouse" }));
+      if (canvas.style.cursor === "grab") return [x, y + 16];
+    }
+  }
+  throw new Error("the object cannot be grabbed anywhere");
+}

@@ -2,7 +2,7 @@
 
 import assert from "node:assert/strict";
 import { after, before, test } from "node:test";
-import { open, PHONE, screenshot, untilReady, visit, WIDE } from "./chromium.js";
+import { findObject, open, PHONE, screenshot, untilReady, visit, WIDE } from "./chromium.js";
 
 let served;
 before(async () => (served = await open()));
@@ -136,16 +136,3 @@ test("graphics that are taken away come back", async () => {
   await page.waitForSelector('[data-code="graphics_lost"]', { state: "detached" });
   await page.close();
 });
-
-// Runs in the page: a point where the pointer could grab the object.
-function findObject() {
-  const canvas = document.getElementById("view");
-  const { width, height } = canvas.getBoundingClientRect();
-  for (let y = 0.2 * height; y < 0.75 * height; y += 8) {
-    for (let x = 0.2 * width; x < 0.8 * width; x += 8) {
-      canvas.dispatchEvent(new PointerEvent("pointermove", { clientX: x, clientY: y, pointerType: "mouse" }));
-      if (canvas.style.cursor === "grab") return [x, y + 16];
-    }
-  }
-  throw new Error("the object cannot be grabbed anywhere");
-}

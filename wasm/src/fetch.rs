@@ -1,8 +1,9 @@
 //! Fetching a model from the server, with its progress in bytes.
 
 use crate::protocol::Failure;
-use js_sys::{Reflect, Uint8Array};
+use js_sys::{Array, Promise, Reflect, Uint8Array};
 use serde::Deserialize;
+use wasm_bindgen::closure::Closure;
 use wasm_bindgen::{JsCast, JsValue};
 use wasm_bindgen_futures::JsFuture;
 use web_sys::{ReadableStreamDefaultReader, Response, WorkerGlobalScope};
@@ -89,10 +90,29 @@ async fn list(base: &str) -> Result<List, Failure> {
         .map_err(|error| failed(&format!("the list of models is not understood: {error}")))
 }
 
+/// How long the next bytes may take (ms).
+const PATIENCE_MS: i32 = 20_000;
+
+/// Waits for something, but not for ever.
+async fn patiently(wanted: Promise) -> Result<JsValue, Failure> {
+    let late = Promise::new(&mut |_, reject| {
+        let text = JsValue::from(js_sys::Error::new("nothing has come for 20 s"));
+        let tell = Closure::once_into_js(move || reject.call1(&JsValue::NULL, &text).is_ok());
+        let scope: WorkerGlobalScope = js_sys::global().unchecked_into();
+        // Without a timer it is waited for ever.
+        let _timer = scope.set_timeout_with_callback_and_timeout_and_arguments_0(
+            tell.unchecked_ref(),
+            PATIENCE_MS,
+        );
+    });
+    let first = Promise::race(&Array::of2(&wanted, &late));
+    JsFuture::from(first).await.map_err(|error| lost(&error))
+}
+
 /// An answer that is good.
 async fn get(url: &str) -> Result<Response, Failure> {
     let scope: WorkerGlobalScope = js_sys::global().unchecked_into();
-    let response = JsFuture::from(scope.fetch_with_str(url)).await.map_err(|e| lost(&e))?;
+    let response = patiently(scope.fetch_with_str(url)).await?;
     let response: Response = response.unchecked_into();
     match response.status() {
         200 => Ok(response),
@@ -106,7 +126,7 @@ async fn read(response: &Response, mut progress: impl FnMut(f64)) -> Result<Vec<
     let reader: ReadableStreamDefaultReader = body.get_reader().unchecked_into();
     let mut bytes = Vec::new();
     loop {
-        let chunk = JsFuture::from(reader.read()).await.map_err(|e| lost(&e))?;
+        let chunk = patiently(reader.read()).await?;
         let member = |name: &str| Reflect::get(&chunk, &JsValue::from_str(name));
         if member("done").is_ok_and(|done| done.is_truthy()) {
             return Ok(bytes);

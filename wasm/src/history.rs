@@ -11,6 +11,8 @@ pub(crate) struct Picture {
     pub(crate) poses: Vec<f32>,
     /// Commanded joint positions (rad).
     pub(crate) joints: Vec<f32>,
+    /// Six numbers for each thing that presses on the object.
+    pub(crate) contacts: Vec<f32>,
     pub(crate) phase: Phase,
     pub(crate) terms: Option<Terms>,
 }
@@ -93,7 +95,7 @@ mod tests {
     use wasm_bindgen_test::wasm_bindgen_test as test;
 
     fn picture(phase: Phase) -> Picture {
-        Picture { poses: Vec::new(), joints: Vec::new(), phase, terms: None }
+        Picture { poses: vec![], joints: vec![], contacts: vec![], phase, terms: None }
     }
 
     #[test]

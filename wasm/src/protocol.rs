@@ -9,6 +9,13 @@ use js_sys::{Float32Array, Uint32Array};
 use serde::{Deserialize, Serialize};
 use serde_wasm_bindgen::preserve;
 
+/// Where somebody pulls at the object (its frame), and where to.
+#[derive(Clone, Copy, Debug, Deserialize)]
+pub(crate) struct Pull {
+    pub(crate) point: [f32; 3],
+    pub(crate) towards: [f32; 3],
+}
+
 /// From the page.
 #[derive(Debug, Deserialize)]
 #[serde(tag = "kind", rename_all = "camelCase", rename_all_fields = "camelCase")]
@@ -59,6 +66,10 @@ pub(crate) enum ToWorker {
     Batch {
         seed: u32,
         attempts: u32,
+    },
+    /// Pull at a point of the object (its frame) towards a point; null lets go.
+    Pull {
+        pull: Option<Pull>,
     },
     /// End the batch.
     Cancel,
@@ -177,9 +188,11 @@ pub(crate) struct DepthCamera {
 pub(crate) struct BuiltIn {
     pub(crate) name: &'static str,
     pub(crate) label: String,
+    pub(crate) shape: Shape,
 }
 
 #[derive(Serialize)]
+#[serde(rename_all = "camelCase")]
 pub(crate) struct Ready {
     pub(crate) links: Vec<Link>,
     pub(crate) table: Table,
@@ -189,6 +202,8 @@ pub(crate) struct Ready {
     pub(crate) joints: Vec<Joint>,
     /// Of scene file and robot: what it is the same for, ends the same.
     pub(crate) scene: String,
+    /// The longest mesh file that is read.
+    pub(crate) most_bytes: usize,
 }
 
 /// A joint and its limits (rad).
@@ -259,6 +274,9 @@ pub(crate) struct Frame {
     /// Commanded positions (rad) of all joints.
     #[serde(with = "preserve")]
     pub(crate) joints: Float32Array,
+    /// What presses on the object, six numbers each: where (m), and with what force (N).
+    #[serde(with = "preserve")]
+    pub(crate) contacts: Float32Array,
     /// If they are watched.
     pub(crate) terms: Option<Terms>,
     pub(crate) time: f64,
@@ -271,6 +289,9 @@ pub(crate) struct Frame {
 pub(crate) struct Cloud {
     #[serde(with = "preserve")]
     pub(crate) points: Float32Array,
+    /// What the encoder makes of it; nothing where no encoder was asked.
+    #[serde(with = "preserve")]
+    pub(crate) reconstruction: Float32Array,
 }
 
 #[derive(Serialize)]
@@ -349,6 +370,8 @@ pub(crate) struct Verdict {
     pub(crate) placed: bool,
     /// Which demonstration this was, if it was one: it does not count.
     pub(crate) played: Option<String>,
+    /// Whether somebody pulled at the object: then it does not count either.
+    pub(crate) pulled: bool,
     pub(crate) hash: String,
     pub(crate) tally: Tally,
 }

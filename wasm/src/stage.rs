@@ -5,18 +5,18 @@ use crate::history::{History, Picture, Terms};
 use crate::look;
 use crate::protocol::{
     Attempted, BuiltIn, Cloud, DepthCamera, Failure, File, Found, Frame, Joint, Link, ObjectLoaded,
-    Phase, PlanarPose, Ready, Rectangle, Shape, Table, Verdict,
+    Phase, PlanarPose, Pull, Ready, Rectangle, Shape, Table, Verdict,
 };
 use crate::statistics::{Attempts, Tally};
 use crate::upload::{self, Loaded};
-use geometry::Pose;
+use geometry::{Pose, Vec3};
 use grasps::grasp::Grasp;
 use grasps::search::{SearchConfig, search};
 use js_sys::Float32Array;
 use robot::rotation;
 use rollout::{Attempt, Controller, Demonstration, Moment, RolloutError, Workcell};
-use scene::Simulation;
 use scene::config::{CONTROL_PERIOD, scene_hash};
+use scene::{Contact, Simulation};
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -84,7 +84,11 @@ impl Stage {
             color: part.color,
             shape: Shape::of(&part.mesh),
         };
-        let objects = upload::names().map(|name| BuiltIn { name, label: upload::label(name) });
+        let built_in = |name| {
+            let shape = Shape::of(&upload::built_in(name)?.object.mesh);
+            Ok(BuiltIn { name, label: upload::label(name), shape })
+        };
+        let objects: Result<_, Failure> = upload::names().map(built_in).collect();
         Ok(Ready {
             links: parts.into_iter().map(link).collect(),
             table: Table { center: config.table.center, half: config.table.half },
@@ -95,9 +99,10 @@ impl Stage {
                 hfov_deg: config.camera.hfov_deg,
                 aspect: config.camera.width as f32 / config.camera.height as f32,
             },
-            objects: objects.collect(),
+            objects: objects?,
             joints: self.joints(),
             scene: scene_hash(),
+            most_bytes: geometry::mesh::MAX_BYTES,
         })
     }
 
@@ -233,12 +238,17 @@ impl Stage {
     }
 
     fn set_off(&mut self, attempt: Attempt) -> Cloud {
-        let points: Vec<f32> = attempt.cloud().iter().flat_map(|p| p.to_array()).collect();
+        let array = |points: &[Vec3]| {
+            let numbers: Vec<f32> = points.iter().flat_map(|p| p.to_array()).collect();
+            Float32Array::from(numbers.as_slice())
+        };
+        let points = array(attempt.cloud());
+        let reconstruction = array(&attempt.reconstruction(&self.workcell).unwrap_or_default());
         self.attempt = Some(attempt);
         self.is_told = false;
         self.history.clear();
         self.record();
-        Cloud { points: Float32Array::from(points.as_slice()) }
+        Cloud { points, reconstruction }
     }
 
     /// Keeps how things stand.
@@ -253,6 +263,7 @@ impl Stage {
         self.history.push(Picture {
             poses: poses.flat_map(|pose| seven(&pose)).collect(),
             joints: attempt.commanded().q.iter().map(|q| *q as f32).collect(),
+            contacts: attempt.contacts().iter().flat_map(six).collect(),
             phase: attempt.phase().into(),
             terms,
         });
@@ -293,7 +304,8 @@ impl Stage {
 
     /// Whether an attempt is under way, or is looked at again.
     pub(crate) fn is_busy(&self) -> bool {
-        let is_under_way = self.attempt.as_ref().is_some_and(|it| it.verdict().is_none());
+        let goes_on = |attempt: &Attempt| attempt.verdict().is_none() || attempt.is_pulled();
+        let is_under_way = self.attempt.as_ref().is_some_and(goes_on);
         is_under_way || self.history.is_behind()
     }
 
@@ -302,8 +314,22 @@ impl Stage {
         if self.history.is_behind() {
             self.history.advance();
         } else if let Some(attempt) = &mut self.attempt {
-            attempt.tick(&self.workcell);
+            match attempt.verdict() {
+                None => attempt.tick(&self.workcell),
+                Some(_) => attempt.linger(),
+            }
             self.record();
+        }
+    }
+
+    /// Pulls at the object, or lets go.
+    pub(crate) fn pull(&mut self, pull: Option<Pull>) {
+        let Some(attempt) = &mut self.attempt else { return };
+        let vector = |numbers: [f32; 3]| Some(Vec3::from(numbers)).filter(|v| v.is_finite());
+        let pull = pull.and_then(|Pull { point, towards }| vector(point).zip(vector(towards)));
+        attempt.pull(pull);
+        if pull.is_some() {
+            self.history.seek(usize::MAX);
         }
     }
 
@@ -329,9 +355,9 @@ impl Stage {
         }
     }
 
-    /// The attempt as a file that `ngf replay` plays.
+    /// The attempt as a file that `ngf replay` plays; one at which somebody pulled would not end the same.
     pub(crate) fn episode(&self) -> Option<File> {
-        let attempt = self.attempt.as_ref()?;
+        let attempt = self.attempt.as_ref().filter(|attempt| !attempt.was_pulled())?;
         let text = serde_json::to_string(&attempt.episode()).ok()?;
         Some(File { name: format!("{}-{}.json", self.loaded.label, attempt.seed()), text })
     }
@@ -344,7 +370,7 @@ impl Stage {
         let hash = attempt.state_hash();
         let attempts = self.attempts.entry(self.actors()).or_default();
         let PlanarPose { x, y, yaw } = self.pose;
-        if self.played.is_none() {
+        if self.played.is_none() && !attempt.was_pulled() {
             attempts.count(self.seed, [x, y, yaw], verdict.is_lifted());
         }
         Some(Verdict {
@@ -354,6 +380,7 @@ impl Stage {
             pose: self.pose,
             placed: self.pose_seed != Some(self.seed),
             played: self.played.clone(),
+            pulled: attempt.was_pulled(),
             hash,
             tally: attempts.tally(),
         })
@@ -374,6 +401,7 @@ impl Stage {
             ticks: self.history.last(),
             marks: self.history.marks(),
             joints: Float32Array::from(picture.joints.as_slice()),
+            contacts: Float32Array::from(picture.contacts.as_slice()),
             terms: picture.terms,
             time: self.history.tick() as f64 * CONTROL_PERIOD,
             running: true,
@@ -392,6 +420,7 @@ impl Stage {
         Picture {
             poses: poses.flat_map(|pose| seven(&pose)).collect(),
             joints: home.iter().map(|q| *q as f32).collect(),
+            contacts: Vec::new(),
             phase: Phase::Idle,
             terms: None,
         }
@@ -414,6 +443,12 @@ impl From<rollout::Phase> for Phase {
 fn draw_pose(workcell: &Workcell, seed: u32) -> PlanarPose {
     let [x, y, yaw] = rollout::pose_of_seed(&workcell.robot, u64::from(seed));
     PlanarPose { x, y, yaw }
+}
+
+/// Where something presses, and with what force.
+fn six(contact: &Contact) -> [f32; 6] {
+    let (p, f) = (contact.point, contact.force);
+    [p.x, p.y, p.z, f.x, f.y, f.z]
 }
 
 /// Position and quaternion.

@@ -137,6 +137,10 @@ impl Worker {
                 self.stage.seek(tick);
             }
             ToWorker::Watch { on } => self.stage.is_watched = on,
+            ToWorker::Pull { pull } => {
+                self.stage.pull(pull);
+                self.await_tick();
+            }
             ToWorker::Batch { seed, attempts } => {
                 self.batch = Some(Batch::new(seed, attempts));
                 self.await_tick();

@@ -32,15 +32,21 @@ export interface List<T> {
 const TOKEN = "ngf-token";
 
 // Asks for something; paths are relative to /api/v1/.
-export async function ask<T>(path: string, method = "GET", body?: unknown): Promise<T> {
-  const answer = await send(path, method, body);
+export async function ask<T>(path: string, method = "GET", body?: unknown, signal?: AbortSignal): Promise<T> {
+  const answer = await send(path, method, body, {}, signal);
   if (answer.status === 204) return undefined as T;
   if (answer.headers.get("content-type")?.includes("json")) return (await answer.json()) as T;
   throw new Refused(noServer(`${answer.url} is not answered by ngf serve`));
 }
 
 // The same, for what is not JSON.
-export async function send(path: string, method = "GET", body?: unknown, more: HeadersInit = {}): Promise<Response> {
+export async function send(
+  path: string,
+  method = "GET",
+  body?: unknown,
+  more: HeadersInit = {},
+  signal?: AbortSignal,
+): Promise<Response> {
   const token = sessionStorage.getItem(TOKEN);
   const headers = new Headers(more);
   if (token) headers.set("Authorization", `Bearer ${token}`);
@@ -49,13 +55,13 @@ export async function send(path: string, method = "GET", body?: unknown, more: H
   const sent = body === undefined || isRaw ? (body ?? null) : JSON.stringify(body);
   let answer: Response;
   try {
-    answer = await fetch(new URL(path, API), { method, headers, body: sent });
+    answer = await fetch(new URL(path, API), { method, headers, body: sent, signal: signal ?? null });
   } catch (error) {
     throw new Refused(noServer(String(error)));
   }
   if (answer.status === 401) {
     await askForToken(token !== null);
-    return send(path, method, body, more);
+    return send(path, method, body, more, signal);
   }
   if (answer.ok) return answer;
   if (answer.headers.get("content-type")?.includes("problem+json")) {

@@ -72,7 +72,8 @@ export class Comparison {
     this.#names[0].textContent = this.#first;
     this.#names[1].textContent = id;
     if (id === "") return;
-    this.#view ??= new View(element("view-2", HTMLCanvasElement), { place: () => {}, graphics: () => {}, moved: () => {} });
+    const silent = { place: () => {}, pull: () => {}, graphics: () => {}, moved: () => {} };
+    this.#view ??= new View(element("view-2", HTMLCanvasElement), silent);
     const engine = new Engine(useModel(id), (message) => this.#receive(message));
     this.#engine = engine;
     for (const message of this.#events.now()) engine.send(message);
@@ -91,7 +92,7 @@ export class Comparison {
         view?.showFrame(message);
         break;
       case "cloud":
-        view?.showCloud(message.points);
+        view?.showCloud(message);
         break;
       case "verdict":
         this.#names[1].textContent = `${this.#choice.value}: ${message.words}`;

@@ -34,6 +34,7 @@ let isFirstModel = true;
 let standing: ToWorker | null = null;
 let placed: PlanarPose | null = null;
 let objectHash = "";
+let mostBytes = Infinity;
 let brought: Promise<void> = Promise.resolve();
 
 const failures = new Failures(() => {
@@ -122,7 +123,9 @@ if (new URLSearchParams(location.search).has("check")) showCheck();
 const pressCamera = choice("cameras", look);
 const layers: Record<Layer, HTMLInputElement> = {
   cloud: element("layer-cloud", HTMLInputElement),
+  reconstruction: element("layer-reconstruction", HTMLInputElement),
   hulls: element("layer-hulls", HTMLInputElement),
+  forces: element("layer-forces", HTMLInputElement),
   trail: element("layer-trail", HTMLInputElement),
   sensor: element("layer-sensor", HTMLInputElement),
 };
@@ -143,7 +146,9 @@ onKeys(
     i: () => element("inside", HTMLDetailsElement).querySelector("summary")?.click(),
     r: () => playback.reset(),
     c: () => layers.cloud.click(),
+    m: () => layers.reconstruction.click(),
     h: () => layers.hulls.click(),
+    f: () => layers.forces.click(),
     t: () => layers.trail.click(),
     "1": () => look("front"),
     "2": () => look("side"),
@@ -170,6 +175,7 @@ function receive(message: FromWorker): void {
       playback.enable();
       inside.limit(message.joints);
       share.ready(message);
+      mostBytes = message.mostBytes;
       if (shared) view?.standAt(shared.view);
       arrival?.ready(message);
       brought = bring();
@@ -177,7 +183,7 @@ function receive(message: FromWorker): void {
       break;
     case "object":
       view?.showObject(message);
-      objects.select(message.name, message.label);
+      objects.select(message);
       if (message.name !== null) standing = { kind: "load", object: message.name };
       report.show(message.report);
       attempt.hasObject(message.tally);
@@ -199,7 +205,7 @@ function receive(message: FromWorker): void {
       arrival?.showFrame(message);
       break;
     case "cloud":
-      view?.showCloud(message.points);
+      view?.showCloud(message);
       break;
     case "progress":
       showProgress(message);
@@ -286,6 +292,17 @@ function load(object: string): void {
 }
 
 async function upload(file: File, told: Told = { unit: null, massKg: null, stands: null }): Promise<void> {
+  // What would not be taken is not even read.
+  if (file.size > mostBytes) {
+    objects.refuse(file.name);
+    failures.show({
+      kind: "failure",
+      code: "mesh_too_large",
+      cause: `${file.name} has ${(file.size / 1e6).toFixed(0)} MB, more than ${mostBytes / 1e6}.`,
+      cure: "Reduce the number of its triangles; the hand does not feel more than a few thousand.",
+    });
+    return;
+  }
   comingFile = file;
   try {
     const bytes = await file.arrayBuffer();
@@ -332,6 +349,11 @@ function makeView(): View | null {
   try {
     return new View(element("view", HTMLCanvasElement), {
       place,
+      // The second picture, if there is one, goes on by itself.
+      pull: (pull) => {
+        opening.stop();
+        engine.send({ kind: "pull", pull });
+      },
       moved: (stand) => comparison.stand(stand),
       graphics: (works) => {
         if (works) failures.close("graphics_lost");

@@ -25,6 +25,12 @@ export interface PlanarPose {
   yaw: number;
 }
 
+// Where somebody pulls at the object (its frame), and where to.
+export interface Pull {
+  point: [number, number, number];
+  towards: [number, number, number];
+}
+
 export type ToWorker =
   | { kind: "load"; object: string }
   // A mesh, or a demonstration (JSON).
@@ -46,6 +52,8 @@ export type ToWorker =
   | { kind: "watch"; on: boolean }
   // So many attempts of seeds from this one on, as fast as they go.
   | { kind: "batch"; seed: number; attempts: number }
+  // Pull at a point of the object (its frame) towards a point; null lets go.
+  | { kind: "pull"; pull: Pull | null }
   | { kind: "cancel" }
   // Write the attempt as a file.
   | { kind: "export" }
@@ -110,10 +118,12 @@ export interface Ready {
   table: Box;
   workspace: Rectangle;
   camera: DepthCamera;
-  objects: { name: string; label: string }[];
+  objects: { name: string; label: string; shape: Shape }[];
   joints: Joint[];
   // Hash of scene file and robot: what it is the same for, ends the same.
   scene: string;
+  // The longest mesh file that is read.
+  mostBytes: number;
 }
 
 // A joint and its limits.
@@ -151,6 +161,8 @@ export interface Frame {
   marks: number[];
   // Commanded positions of all joints.
   joints: Float32Array;
+  // What presses on the object, six numbers each: where (m), and with what force (N).
+  contacts: Float32Array;
   // If they are watched.
   terms: Terms | null;
   // Since the attempt began.
@@ -164,6 +176,8 @@ export interface Frame {
 export interface Cloud {
   kind: "cloud";
   points: Float32Array;
+  // What the encoder makes of it; nothing where no encoder was asked.
+  reconstruction: Float32Array;
 }
 
 export interface Progress {
@@ -197,6 +211,8 @@ export interface Verdict {
   placed: boolean;
   // Which demonstration this was, if it was one: it does not count.
   played: string | null;
+  // Whether somebody pulled at the object: then it does not count either.
+  pulled: boolean;
   // Of the final state, the same on every machine.
   hash: string;
   tally: Tally;

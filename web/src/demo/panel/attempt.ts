@@ -131,7 +131,8 @@ export class AttemptPanel {
     this.#headline.textContent = verdict.words;
     this.#announcement.textContent = `${verdict.words} ${inWords(verdict.tally)}.`;
     const what = verdict.played === null ? `Seed ${verdict.seed}${byHand(verdict)}` : `Demonstration: ${verdict.played}`;
-    this.#note(`${what} ended in state ${verdict.hash.slice(0, 16)}`);
+    const end = `ended in state ${verdict.hash.slice(0, 16)}`;
+    this.#note(verdict.pulled ? "Somebody pulled at the object: this one does not count." : `${what} ${end}`);
     this.#hash.title = verdict.hash;
     showTally(verdict.tally);
     this.#showPhases();

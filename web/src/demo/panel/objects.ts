@@ -2,7 +2,8 @@
 
 import { element, h } from "../../common/dom";
 import { dropped, readable } from "../files";
-import type { Ready } from "../protocol";
+import type { ObjectLoaded, Ready, Shape } from "../protocol";
+import { thumbnail } from "./thumbnail";
 
 export interface ObjectEvents {
   load(name: string): void;
@@ -38,16 +39,24 @@ export class ObjectPicker {
   show(objects: Ready["objects"]): void {
     this.#list.querySelectorAll("label.built-in").forEach((label) => label.remove());
     const first = this.#list.querySelector("label") ?? this.#button;
-    for (const { name, label } of objects) {
+    for (const { name, label, shape } of objects) {
       const choice = this.#choice(name, label, () => this.#events.load(name));
+      picture(choice, shape);
       choice.classList.add("built-in");
       first.before(choice);
     }
     this.#button.disabled = false;
   }
 
-  // Marks a built-in object, or else a file by its name.
-  select(name: string | null, label: string): void {
+  // Marks a built-in object, or else a file by its name, which is drawn now that its shape is known.
+  select({ name, label, shape }: Pick<ObjectLoaded, "name" | "label" | "shape">): void {
+    const file = name === null ? this.#files.get(label) : undefined;
+    const choice = file?.closest("label");
+    if (choice) picture(choice, shape);
+    this.#mark(name, label);
+  }
+
+  #mark(name: string | null, label: string): void {
     this.#selected = [name, label];
     for (const input of this.#list.querySelectorAll("input")) input.checked = input.value === name;
     const file = name === null ? this.#files.get(label) : undefined;
@@ -70,7 +79,7 @@ export class ObjectPicker {
   refuse(fileName: string): void {
     this.#files.get(fileName)?.closest("label")?.remove();
     this.#files.delete(fileName);
-    this.select(...this.#selected);
+    this.#mark(...this.#selected);
   }
 
   // The first one is shown, the others stand in the list.
@@ -106,4 +115,11 @@ export class ObjectPicker {
       void this.#take(dropped(event.dataTransfer));
     });
   }
+}
+
+// Puts a picture of a shape before a choice's name.
+function picture(choice: HTMLElement, shape: Shape): void {
+  choice.querySelector("canvas")?.remove();
+  const color = getComputedStyle(document.documentElement).getPropertyValue("--accent").trim();
+  choice.querySelector("span")?.before(thumbnail(shape, color));
 }

@@ -1,5 +1,6 @@
 // Links to an attempt, and files of it: picture, film, episode.
 
+import { ask, Refused } from "../../common/api";
 import { element } from "../../common/dom";
 import type { Frame, Model, ObjectLoaded, Ready, Told, Verdict } from "../protocol";
 import { save } from "../save";
@@ -33,6 +34,7 @@ export class SharePanel {
   #model: Model | null = null;
   #frame: Frame | null = null;
   #verdict: Verdict | null = null;
+  #sending: AbortController | null = null;
   #recorder: MediaRecorder | null = null;
 
   constructor(events: ShareEvents) {
@@ -73,8 +75,10 @@ export class SharePanel {
 
   #enable(): void {
     // A demonstration is a file of its own, and what the planner does depends on more than a link can say.
-    this.#link.disabled = !this.#verdict || this.#verdict.played !== null || this.#model?.id == null;
-    this.#episode.disabled = !this.#verdict;
+    // Nor can it say how somebody pulled.
+    const isOwn = this.#verdict !== null && this.#verdict.played === null && !this.#verdict.pulled;
+    this.#link.disabled = !isOwn || this.#model?.id == null;
+    this.#episode.disabled = !this.#verdict || this.#verdict.pulled;
   }
 
   async copy(): Promise<void> {
@@ -108,16 +112,27 @@ export class SharePanel {
 
   // Stores the file on the server, on purpose, so that the link suffices.
   async #keep(): Promise<void> {
+    // Pressed again while it is sent.
+    if (this.#sending) return this.#sending.abort();
     const file = this.#events.file();
     if (!file) return;
-    const url = `api/v1/meshes?name=${encodeURIComponent(file.name)}`;
-    const answer = await fetch(url, { method: "POST", body: file }).catch(() => null);
-    if (!answer?.ok) {
-      this.#hint.textContent = "This server does not keep files.";
-      return;
+    this.#sending = new AbortController();
+    const words = this.#store.textContent;
+    this.#store.textContent = "Stop sending";
+    this.#hint.textContent = `Sending ${file.name}…`;
+    try {
+      const path = `meshes?name=${encodeURIComponent(file.name)}`;
+      const { id } = await ask<{ id: string }>(path, "POST", file, this.#sending.signal);
+      this.#mesh = id;
+      await this.copy();
+    } catch (error) {
+      const isOwn = this.#sending.signal.aborted;
+      const why = error instanceof Refused && error.problem.status > 0 ? error.problem.detail : "no server answers";
+      this.#hint.textContent = isOwn ? "It was not sent." : `This server does not keep the file: ${why}.`;
+    } finally {
+      this.#sending = null;
+      this.#store.textContent = words;
     }
-    this.#mesh = ((await answer.json()) as { id: string }).id;
-    await this.copy();
   }
 
   async #savePicture(): Promise<void> {

@@ -9,6 +9,8 @@ export interface Colors {
   plinth: Color;
   line: Color;
   cloud: Color;
+  reconstruction: Color;
+  force: Color;
   ink: Color;
   sky: Color;
   // How strong lights and shadows are.
@@ -27,6 +29,8 @@ export function readColors(): Colors {
     plinth: color("--scene-plinth"),
     line: color("--scene-line"),
     cloud: color("--scene-cloud"),
+    reconstruction: color("--scene-reconstruction"),
+    force: color("--scene-force"),
     ink: color("--ink"),
     sky: color("--scene-sky"),
     light: Number(value("--scene-light")),

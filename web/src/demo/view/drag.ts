@@ -1,7 +1,7 @@
-// Dragging the object over the table.
+// Dragging the object over the table, and pulling at it while the hand has to do with it.
 
 import { type Camera, Plane, Raycaster, Vector2, Vector3 } from "three";
-import type { Rectangle } from "../protocol";
+import type { Pull, Rectangle } from "../protocol";
 import type { Thing } from "./bodies";
 
 export interface Draggable {
@@ -9,18 +9,24 @@ export interface Draggable {
   thing: Thing;
   // While an attempt runs, the object is not ours to move.
   isFree(): boolean;
+  // But ours to pull at, also afterwards if that is asked for.
+  isPullable(asked: boolean): boolean;
   // Called at the beginning and at the end.
   grabbed(on: boolean): void;
   moved(x: number, y: number): void;
+  pulled(pull: Pull | null): void;
 }
 
 export function dragObject(canvas: HTMLCanvasElement, workspace: Rectangle, target: Draggable): void {
   const raycaster = new Raycaster();
-  const table = new Plane(new Vector3(0, 0, 1), 0);
+  // The plane in which the pointer moves.
+  const plane = new Plane(new Vector3(0, 0, 1), 0);
   const hit = new Vector3();
   // From the object's origin to where it was grabbed, on the table.
   const offset = new Vector3();
   let pointer: number | null = null;
+  // Where it was grabbed, in its own frame, if it is pulled at.
+  let held: [number, number, number] | null = null;
 
   const aim = (event: PointerEvent) => {
     const box = canvas.getBoundingClientRect();
@@ -31,7 +37,7 @@ export function dragObject(canvas: HTMLCanvasElement, workspace: Rectangle, targ
 
   const isOver = (event: PointerEvent) => {
     const { bounds, group } = target.thing;
-    if (!bounds || !target.isFree()) return false;
+    if (!bounds || !(target.isFree() || target.isPullable(event.ctrlKey))) return false;
     aim(event);
     const ray = raycaster.ray.clone().applyMatrix4(group.matrixWorld.clone().invert());
     return ray.intersectBox(bounds, hit) !== null;
@@ -46,9 +52,12 @@ export function dragObject(canvas: HTMLCanvasElement, workspace: Rectangle, targ
       if (event.button !== 0 || !event.isPrimary || pointer !== null || !isOver(event)) return;
       event.stopImmediatePropagation();
       const { matrixWorld, position } = target.thing.group;
-      // Move in the plane through the point that was grabbed, so that it stays under the pointer.
+      held = target.isPullable(event.ctrlKey) ? [hit.x, hit.y, hit.z] : null;
       hit.applyMatrix4(matrixWorld);
-      table.constant = -hit.z;
+      // Through the point that was grabbed, so that it stays under the pointer: along the table, or, to pull, as the
+      // viewer sees it.
+      if (held) plane.setFromNormalAndCoplanarPoint(target.camera.getWorldDirection(new Vector3()), hit);
+      else plane.set(new Vector3(0, 0, 1), -hit.z);
       offset.subVectors(hit, position);
       pointer = event.pointerId;
       canvas.setPointerCapture(pointer);
@@ -63,9 +72,10 @@ export function dragObject(canvas: HTMLCanvasElement, workspace: Rectangle, targ
       return;
     }
     if (event.pointerId !== pointer) return;
-    if (!target.isFree()) return release(pointer);
+    if (!held && !target.isFree()) return release(pointer);
     aim(event);
-    if (!raycaster.ray.intersectPlane(table, hit)) return;
+    if (!raycaster.ray.intersectPlane(plane, hit)) return;
+    if (held) return target.pulled({ point: held, towards: [hit.x, hit.y, hit.z] });
     hit.sub(offset);
     target.moved(clamp(hit.x, workspace.x), clamp(hit.y, workspace.y));
   });
@@ -73,6 +83,8 @@ export function dragObject(canvas: HTMLCanvasElement, workspace: Rectangle, targ
   const release = (id: number) => {
     if (id !== pointer) return;
     pointer = null;
+    if (held) target.pulled(null);
+    held = null;
     target.grabbed(false);
   };
   canvas.addEventListener("pointerup", (event) => release(event.pointerId));

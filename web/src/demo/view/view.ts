@@ -1,20 +1,26 @@
 // The picture: a renderer that draws when something has changed, and rests otherwise.
 
 import { type Group, PCFShadowMap, Scene, WebGLRenderer } from "three";
-import type { Frame, ObjectLoaded, PlanarPose, Ready } from "../protocol";
+import type { Cloud as Seen, Frame, ObjectLoaded, Phase, PlanarPose, Pull, Ready } from "../protocol";
 import { clear, robotBodies, Thing } from "./bodies";
 import { type Preset, Viewpoint } from "./camera";
 import { Cloud, Sensor } from "./cloud";
 import { type Colors, onColorsChange, readColors } from "./colors";
 import { dragObject } from "./drag";
+import { Forces } from "./forces";
 import { Motion } from "./motion";
+import { Spring } from "./spring";
 import { Studio } from "./studio";
 import { Trail } from "./trail";
 
-export type Layer = "cloud" | "hulls" | "trail" | "sensor";
+export type Layer = "cloud" | "reconstruction" | "hulls" | "forces" | "trail" | "sensor";
+
+// While the hand has to do with the object.
+const ACTS: Phase[] = ["policy", "lift", "hold"];
 
 export interface ViewEvents {
   place(pose: PlanarPose): void;
+  pull(pull: Pull | null): void;
   // The graphics were lost (false) or came back (true).
   graphics(works: boolean): void;
   // The viewer stands or looks elsewhere.
@@ -29,7 +35,10 @@ export class View {
   readonly #viewpoint: Viewpoint;
   readonly #thing = new Thing();
   readonly #cloud = new Cloud();
+  readonly #reconstruction = new Cloud();
+  readonly #forces = new Forces();
   readonly #trail = new Trail();
+  readonly #spring = new Spring();
   readonly #motion = new Motion();
   #studio: Studio | null = null;
   #sensor: Sensor | null = null;
@@ -48,7 +57,9 @@ export class View {
     this.#renderer.shadowMap.enabled = true;
     this.#renderer.shadowMap.type = PCFShadowMap;
     this.#viewpoint = new Viewpoint(canvas, () => this.#wake());
-    this.#scene.add(this.#thing.group, this.#cloud.points, this.#trail.line);
+    this.#reconstruction.points.visible = false;
+    const lines = [this.#forces.lines, this.#trail.line, this.#spring.line];
+    this.#scene.add(this.#thing.group, this.#cloud.points, this.#reconstruction.points, ...lines);
     this.#thing.group.visible = false;
 
     new ResizeObserver(() => this.#resize()).observe(canvas);
@@ -89,21 +100,24 @@ export class View {
     this.#clearCloud();
   }
 
-  showCloud(points: Float32Array): void {
+  showCloud({ points, reconstruction }: Pick<Seen, "points" | "reconstruction">): void {
     this.#cloud.show(points);
+    this.#reconstruction.show(reconstruction);
     this.#seenAt = this.#frame?.pose ?? null;
     this.#wake();
   }
 
   #clearCloud(): void {
-    this.showCloud(new Float32Array(0));
+    this.showCloud({ points: new Float32Array(0), reconstruction: new Float32Array(0) });
   }
 
   showFrame(frame: Frame): void {
     const now = performance.now();
     if (frame.running) this.#motion.moveTo(frame.poses, now);
     else this.#motion.jumpTo(frame.poses, now);
-    this.#cloud.fade(frame.phase !== "idle" && frame.phase !== "approach" && frame.phase !== "policy");
+    const isMemory = frame.phase !== "idle" && frame.phase !== "approach" && frame.phase !== "policy";
+    for (const cloud of [this.#cloud, this.#reconstruction]) cloud.fade(isMemory);
+    this.#forces.show(frame.contacts);
     this.#trail.show(frame);
     this.#frame = frame;
     // An object that was moved since is no longer where the cloud is.
@@ -113,6 +127,8 @@ export class View {
 
   setLayer(layer: Layer, on: boolean): void {
     if (layer === "cloud") this.#cloud.points.visible = on;
+    if (layer === "reconstruction") this.#reconstruction.points.visible = on;
+    if (layer === "forces") this.#forces.lines.visible = on;
     if (layer === "hulls") this.#thing.showHulls(on);
     if (layer === "trail") this.#trail.line.visible = on;
     if (layer === "sensor") this.#showsSensor = on;
@@ -145,6 +161,15 @@ export class View {
       camera: this.#viewpoint.camera,
       thing: this.#thing,
       isFree: () => this.#frame?.phase === "idle" || this.#frame?.phase === "verdict",
+      isPullable: (asked) => {
+        const phase = this.#frame?.phase ?? "idle";
+        return ACTS.includes(phase) || (phase === "verdict" && asked);
+      },
+      pulled: (pull) => {
+        this.#spring.set(pull);
+        this.#events.pull(pull);
+        this.#wake();
+      },
       grabbed: (on) => {
         this.#studio?.highlight(on);
         this.#canvas.style.cursor = on ? "grabbing" : "";
@@ -159,7 +184,9 @@ export class View {
   #paint(): void {
     const colors: Colors = readColors();
     this.#scene.background = colors.ground;
-    for (const painted of [this.#studio, this.#sensor, this.#thing, this.#cloud, this.#trail]) painted?.paint(colors);
+    const painted = [this.#studio, this.#sensor, this.#thing, this.#cloud, this.#forces, this.#trail, this.#spring];
+    for (const one of painted) one?.paint(colors);
+    this.#reconstruction.paint({ ...colors, cloud: colors.reconstruction });
     this.#wake();
   }
 
@@ -190,6 +217,7 @@ export class View {
 
   #draw(now: number): void {
     const isMoving = this.#motion.apply([...this.#robot, this.#thing.group], now);
+    this.#spring.follow(this.#thing.group);
     const isTurning = this.#viewpoint.update(now);
     this.#events.moved(this.#viewpoint.stand());
     this.#sensor?.show(this.#showsSensor, this.#viewpoint.camera.position);

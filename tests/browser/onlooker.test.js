@@ -1,0 +1,67 @@
+// What an onlooker can see of an attempt and do to it: layers, and pulling at the object.
+
+import assert from "node:assert/strict";
+import { after, before, test } from "node:test";
+import { findObject, open, screenshot, untilReady, visit } from "./chromium.js";
+
+let served;
+before(async () => (served = await open()));
+after(() => served?.close());
+
+const phase = (page, name) => page.waitForSelector(`#phases li.is-now[data-phase="${name}"]`);
+
+// Takes hold of the object and draws to the side.
+async function pull(page) {
+  const [x, y] = await page.evaluate(findObject);
+  await page.mouse.move(x, y);
+  await page.mouse.down();
+  await page.mouse.move(x + 40, y - 10, { steps: 4 });
+  await page.mouse.move(x + 120, y - 30, { steps: 4 });
+}
+
+test("forces and what the encoder makes of the cloud are drawn", async () => {
+  const { page, complaints } = await visit(served);
+  await untilReady(page);
+  for (const layer of ["reconstruction", "forces"]) await page.locator(`#layer-${layer}`).check({ force: true });
+  await page.click("#grasp");
+  await phase(page, "policy");
+  await screenshot(page, "reconstruction");
+  await phase(page, "hold");
+  await screenshot(page, "forces");
+  assert.deepEqual(complaints, []);
+  await page.close();
+});
+
+test("an attempt at which somebody pulls does not count", async () => {
+  const { page, complaints } = await visit(served);
+  await untilReady(page);
+  await page.click("#grasp");
+  await phase(page, "lift");
+  await pull(page);
+  await screenshot(page, "pull");
+  await page.waitForFunction(() => document.getElementById("hash").textContent.startsWith("Somebody pulled"));
+  await page.mouse.up();
+  assert.match(await page.textContent("#tally"), /^None yet/);
+  assert.ok(await page.isDisabled("#copy-link"));
+  assert.deepEqual(complaints, []);
+  await page.close();
+});
+
+test("what is held can be pulled at afterwards, and the verdict stays", async () => {
+  const { page, complaints } = await visit(served);
+  await untilReady(page);
+  await page.click("#grasp");
+  await phase(page, "verdict");
+  const told = await page.textContent("#hash");
+  const ticks = () => page.evaluate(() => Number(document.getElementById("timeline").max));
+  const before = await ticks();
+  await page.keyboard.down("Control");
+  await pull(page);
+  await page.waitForFunction((before) => Number(document.getElementById("timeline").max) > before + 10, before);
+  await page.mouse.up();
+  await page.keyboard.up("Control");
+  assert.equal(await page.textContent("#hash"), told);
+  assert.ok(await page.isEnabled("#copy-link"));
+  assert.deepEqual(complaints, []);
+  await page.close();
+});

@@ -1,0 +1,91 @@
+// What comes broken, late or too long: the page says so, goes on, and keeps what stands on the table.
+
+import assert from "node:assert/strict";
+import { after, before, test } from "node:test";
+import { blank, open, PATIENCE, untilReady, visit } from "./chromium.js";
+
+let served;
+before(async () => (served = await open()));
+after(() => served?.close());
+
+// The demo with its weights answered otherwise.
+async function withWeights(answer) {
+  const { page } = await blank(served);
+  await page.route("**/weights**", answer);
+  await page.goto(served.address);
+  return page;
+}
+
+// Whoever else can act does.
+async function graspsAllTheSame(page) {
+  await untilReady(page);
+  assert.match(await page.textContent("#model"), /planner/);
+  assert.ok(await page.isChecked("input[value=sugar_box]"));
+  await page.click("#grasp");
+  await page.waitForSelector("#phases li.is-now[data-phase=policy]");
+  await page.close();
+}
+
+test("weights that are damaged are named, and the planner acts", async () => {
+  const page = await withWeights(async (route) => {
+    const good = await route.fetch();
+    const body = await good.body();
+    body.fill(0xab, 1000);
+    await route.fulfill({ response: good, body });
+  });
+  await page.waitForSelector('[data-code="model_unusable"]');
+  await graspsAllTheSame(page);
+});
+
+test("weights that never come are given up, and the planner acts", async () => {
+  const page = await withWeights(() => {});
+  await page.waitForSelector('[data-code="model_not_fetched"]', { timeout: PATIENCE });
+  assert.match(await page.textContent('[data-code="model_not_fetched"]'), /nothing has come for 20 s/);
+  await graspsAllTheSame(page);
+});
+
+test("a file without end is not read", async () => {
+  const { page } = await visit(served);
+  await untilReady(page);
+  await page.evaluate(() => {
+    // A name and a size; the bytes are nobody's.
+    const file = new File([], "statue.obj");
+    Object.defineProperty(file, "size", { value: 4e12 });
+    const data = new DataTransfer();
+    data.items.add(new File([], "x.obj"));
+    Object.defineProperty(data, "files", { value: [file] });
+    const paste = new Event("paste");
+    Object.defineProperty(paste, "clipboardData", { value: data });
+    dispatchEvent(paste);
+  });
+  await page.waitForSelector('[data-code="mesh_too_large"]');
+  assert.ok(await page.isChecked("input[value=sugar_box]"));
+  await page.close();
+});
+
+test("by keyboard alone a mesh is brought, grasped and shared", async () => {
+  const { page } = await visit(served);
+  await untilReady(page);
+  const tabTo = async (id) => {
+    for (let presses = 0; presses < 100; presses++) {
+      if ((await page.evaluate(() => document.activeElement.id)) === id) return;
+      await page.keyboard.press("Tab");
+    }
+    throw new Error(`Tab does not lead to ${id}`);
+  };
+  await tabTo("upload");
+  const chooser = page.waitForEvent("filechooser");
+  await page.keyboard.press("Enter");
+  const box = `v 0 0 0\nv 40 0 0\nv 40 60 0\nv 0 60 0\nv 0 0 120\nv 40 0 120\nv 40 60 120\nv 0 60 120
+f 1 4 3 2\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n`;
+  await (await chooser).setFiles({ name: "box.obj", mimeType: "model/obj", buffer: Buffer.from(box) });
+  await page.waitForFunction(() => document.getElementById("report-size").textContent.startsWith("4.0"));
+  await tabTo("grasp");
+  await page.keyboard.press("Enter");
+  await page.waitForSelector("#phases li.is-now[data-phase=verdict]");
+  assert.notEqual(await page.textContent("#announcement"), "");
+  await tabTo("copy-link");
+  await page.keyboard.press("Enter");
+  await page.waitForFunction(() => /Copied|#/.test(document.getElementById("share-hint").textContent));
+  await page.close();
+});
