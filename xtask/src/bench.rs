@@ -1,8 +1,8 @@
-//! `bench`: what an attempt costs, natively and in the browser, as one table.
+//! `bench`: what attempts, training and the page take, natively and in the browser, as one table.
 
 use crate::chromium;
 use crate::place::{self, Place};
-use crate::{python, tools};
+use crate::{demo, python, tools};
 use anyhow::{Context, Result};
 use std::path::Path;
 
@@ -45,6 +45,7 @@ pub(crate) fn run(place: &Place, json: Option<&Path>, peers: bool) -> Result<()>
         }
     }
     rows.extend(in_browser(place)?);
+    rows.extend(page(place)?);
     for row in &rows {
         print!("{:32} {:8.3} {:3}", row.name, row.value, row.unit);
         match &row.peer {
@@ -139,6 +140,13 @@ fn in_browser(place: &Place) -> Result<Vec<Row>> {
             .env("CHROMEDRIVER", chromium.driver)
             .env("WASM_BINDGEN_TEST_TIMEOUT", "300"),
     )?;
+    Ok(said.lines().filter_map(row).collect())
+}
+
+/// The rows that `tests/browser/figures.js` prints, of the page as it is served.
+fn page(place: &Place) -> Result<Vec<Row>> {
+    demo::build(place)?;
+    let said = place::read(&mut tools::browser(place, "figures")?)?;
     Ok(said.lines().filter_map(row).collect())
 }
 

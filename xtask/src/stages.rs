@@ -46,7 +46,7 @@ pub(crate) fn test(place: &Place) -> Result<bool> {
     });
     stages.stage("browser", |stages| {
         demo::build(place)?;
-        stages.count(&mut browser_tests(place)?)
+        stages.count(&mut tools::browser(place, "test")?)
     });
     stages.stage("docs", |_| {
         let args = ["doc", "-q", "--workspace", "--no-deps", "--exclude", "wasm-test-runner"];
@@ -202,18 +202,6 @@ fn wasm_tests(place: &Place) -> Result<Command> {
         .env("CHROMEDRIVER", chromium.driver)
         .env("WASM_BINDGEN_TEST_TIMEOUT", WASM_TEST_SECONDS);
     Ok(cargo)
-}
-
-/// The tests of the served page, end to end.
-fn browser_tests(place: &Place) -> Result<Command> {
-    let chromium = chromium::find(place)?;
-    let folder = place.browser_tests();
-    tools::npm_packages(place, "browser-packages", &folder)?;
-    let mut npm = place.npm(&folder, &["test", "--silent"]);
-    npm.env("CHROMIUM", chromium.browser)
-        .env("NGF", place.program("ngf"))
-        .env("SCREENSHOTS", place.target.join("screenshots"));
-    Ok(npm)
 }
 
 impl Stages {

@@ -1,9 +1,11 @@
 //! What must be there before anything is built.
 
+use crate::chromium;
 use crate::place::{Place, read, run};
 use crate::stamp::Step;
 use anyhow::{Context, Result, bail};
 use std::path::Path;
+use std::process::Command;
 
 /// Node releases that Vite runs on.
 const NODE: &str = "^20.19 or >= 22.12";
@@ -49,6 +51,18 @@ pub(crate) fn npm_packages(place: &Place, name: &str, folder: &Path) -> Result<(
         output: folder.join("node_modules"),
     };
     step.run(place, || run(&mut place.npm(folder, &["ci", "--no-audit", "--no-fund"])))
+}
+
+/// A script of `tests/browser`, in Chromium and with the page that the built `ngf` serves.
+pub(crate) fn browser(place: &Place, script: &str) -> Result<Command> {
+    let chromium = chromium::find(place)?;
+    let folder = place.browser_tests();
+    npm_packages(place, "browser-packages", &folder)?;
+    let mut npm = place.npm(&folder, &["run", "--silent", script]);
+    npm.env("CHROMIUM", chromium.browser)
+        .env("NGF", place.program("ngf"))
+        .env("SCREENSHOTS", place.target.join("screenshots"));
+    Ok(npm)
 }
 
 #[cfg(test)]

@@ -30,9 +30,14 @@ export class Studio {
   readonly #sky = new HemisphereLight();
   readonly #key: DirectionalLight;
   readonly #rim = new DirectionalLight();
+  readonly #isPlain: boolean;
+  #pictures = 0;
 
-  constructor(table: Box, workspace: Rectangle) {
-    this.#key = keyLight(table);
+  // Shadows are coarser in a plain studio, and follow every second picture.
+  constructor(table: Box, workspace: Rectangle, isPlain: boolean) {
+    this.#isPlain = isPlain;
+    this.#key = keyLight(table, isPlain ? 1024 : 2048);
+    this.#key.shadow.autoUpdate = !isPlain;
     this.#rim.position.set(1.2, 1.6, 1.2);
     this.group.add(this.#sky, this.#key, this.#rim, this.#tabletop(table), this.#foot(table), this.#floor(table));
     this.group.add(this.#area(workspace, table.center[2] + table.half[2]));
@@ -49,6 +54,12 @@ export class Studio {
     this.#key.intensity = 1.75 * colors.light;
     this.#rim.intensity = 0.45 * colors.light;
     this.#shadow.opacity = colors.shadow;
+  }
+
+  // Before every picture; a last one of what rests has shadows of its own.
+  castShadows(isLast: boolean): void {
+    this.#pictures += 1;
+    this.#key.shadow.needsUpdate = this.#isPlain && (isLast || this.#pictures % 2 === 0);
   }
 
   // Shows where the object may stand.
@@ -92,14 +103,14 @@ export class Studio {
   }
 }
 
-function keyLight({ center }: Box): DirectionalLight {
+function keyLight({ center }: Box, texels: number): DirectionalLight {
   const light = new DirectionalLight();
   const [x, y, z] = center;
   light.position.set(x - 0.45, y - 1.35, z + 2.5);
   light.target.position.set(x - 0.2, y, z + 0.25);
   light.target.updateMatrixWorld();
   light.castShadow = true;
-  light.shadow.mapSize.set(2048, 2048);
+  light.shadow.mapSize.set(texels, texels);
   light.shadow.radius = 5;
   light.shadow.normalBias = 0.012;
   light.shadow.bias = -0.0004;

@@ -1,6 +1,6 @@
 // The picture: a renderer that draws when something has changed, and rests otherwise.
 
-import { type Group, PCFShadowMap, Scene, WebGLRenderer } from "three";
+import { BasicShadowMap, type Group, PCFShadowMap, Scene, WebGLRenderer } from "three";
 import type { Cloud as Seen, Frame, ObjectLoaded, Phase, PlanarPose, Pull, Ready } from "../protocol";
 import { clear, robotBodies, Thing } from "./bodies";
 import { type Preset, Viewpoint } from "./camera";
@@ -9,6 +9,7 @@ import { type Colors, onColorsChange, readColors } from "./colors";
 import { dragObject } from "./drag";
 import { Forces } from "./forces";
 import { Motion } from "./motion";
+import { Sharpness } from "./sharpness";
 import { Spring } from "./spring";
 import { Studio } from "./studio";
 import { Trail } from "./trail";
@@ -17,6 +18,9 @@ export type Layer = "cloud" | "reconstruction" | "hulls" | "forces" | "trail" | 
 
 // While the hand has to do with the object.
 const ACTS: Phase[] = ["policy", "lift", "hold"];
+
+// What has not moved for so long rests (milliseconds).
+const REST = 300;
 
 export interface ViewEvents {
   place(pose: PlanarPose): void;
@@ -30,6 +34,8 @@ export interface ViewEvents {
 export class View {
   readonly #canvas: HTMLCanvasElement;
   readonly #events: ViewEvents;
+  // Pictures are the processor's work: less is drawn, so that they come often enough.
+  readonly #isPlain = isDrawnByProcessor();
   readonly #renderer: WebGLRenderer;
   readonly #scene = new Scene();
   readonly #viewpoint: Viewpoint;
@@ -40,6 +46,7 @@ export class View {
   readonly #trail = new Trail();
   readonly #spring = new Spring();
   readonly #motion = new Motion();
+  readonly #sharpness = new Sharpness();
   #studio: Studio | null = null;
   #sensor: Sensor | null = null;
   #robot: Group[] = [];
@@ -48,14 +55,15 @@ export class View {
   #seenAt: PlanarPose | null = null;
   #showsSensor = false;
   #isAwake = false;
+  #rest = 0;
 
   // Throws where there is no WebGL.
   constructor(canvas: HTMLCanvasElement, events: ViewEvents) {
     this.#canvas = canvas;
     this.#events = events;
-    this.#renderer = new WebGLRenderer({ canvas, antialias: true, powerPreference: "high-performance" });
+    this.#renderer = new WebGLRenderer({ canvas, antialias: !this.#isPlain, powerPreference: "high-performance" });
     this.#renderer.shadowMap.enabled = true;
-    this.#renderer.shadowMap.type = PCFShadowMap;
+    this.#renderer.shadowMap.type = this.#isPlain ? BasicShadowMap : PCFShadowMap;
     this.#viewpoint = new Viewpoint(canvas, () => this.#wake());
     this.#reconstruction.points.visible = false;
     const lines = [this.#forces.lines, this.#trail.line, this.#spring.line];
@@ -83,7 +91,7 @@ export class View {
     const isFirst = this.#studio === null;
 
     this.#robot = robotBodies(ready.links);
-    this.#studio = new Studio(ready.table, ready.workspace);
+    this.#studio = new Studio(ready.table, ready.workspace, this.#isPlain);
     this.#sensor = new Sensor(ready.camera);
     this.#viewpoint.scene = ready;
     this.#scene.add(...this.#robot, this.#studio.group, this.#sensor.group);
@@ -193,7 +201,6 @@ export class View {
   #resize(): void {
     const { clientWidth: width, clientHeight: height } = this.#canvas;
     if (width === 0 || height === 0) return;
-    this.#renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
     this.#renderer.setSize(width, height, false);
     this.#viewpoint.resize(width, height, this.#covered());
     // A resized canvas is empty: it is filled before it is shown.
@@ -209,22 +216,39 @@ export class View {
   #wake(): void {
     if (this.#isAwake) return;
     this.#isAwake = true;
-    requestAnimationFrame((now) => {
+    const wanted = performance.now();
+    requestAnimationFrame(() => {
       this.#isAwake = false;
-      this.#draw(now);
+      const now = performance.now();
+      this.#draw(now, this.#sharpness.share(wanted, now));
     });
   }
 
-  #draw(now: number): void {
+  // Draws with a share of the screen's pixels along a side, and with all of them once nothing moves.
+  #draw(now: number, share = 1): void {
+    const ratio = share * Math.min(devicePixelRatio, 2);
+    if (ratio !== this.#renderer.getPixelRatio()) this.#renderer.setPixelRatio(ratio);
     const isMoving = this.#motion.apply([...this.#robot, this.#thing.group], now);
     this.#spring.follow(this.#thing.group);
     const isTurning = this.#viewpoint.update(now);
     this.#events.moved(this.#viewpoint.stand());
     this.#sensor?.show(this.#showsSensor, this.#viewpoint.camera.position);
+    this.#studio?.castShadows(share === 1);
     this.#renderer.render(this.#scene, this.#viewpoint.camera);
     this.#canvas.dataset["drawn"] = String(this.#robot.length);
     if (isMoving || isTurning) this.#wake();
+    clearTimeout(this.#rest);
+    if (share < 1) this.#rest = window.setTimeout(() => this.#draw(performance.now()), REST);
   }
+}
+
+// Whether there are no graphics but the processor: smooth edges alone would halve the pictures a second there.
+function isDrawnByProcessor(): boolean {
+  const probe = document.createElement("canvas").getContext("webgl2");
+  const names = probe?.getExtension("WEBGL_debug_renderer_info");
+  const name = probe && names ? String(probe.getParameter(names.UNMASKED_RENDERER_WEBGL)) : "";
+  probe?.getExtension("WEBGL_lose_context")?.loseContext();
+  return /swiftshader|llvmpipe|softpipe|basic render/i.test(name);
 }
 
 function isSame(a: PlanarPose | null, b: PlanarPose): boolean {

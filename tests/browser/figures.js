@@ -1,0 +1,128 @@
+// What the page takes, as rows for `cargo xtask bench`: bytes, and milliseconds as somebody before it waits them.
+
+import { blank, open, untilReady, visit } from "./chromium.js";
+
+// Visits of which the median counts.
+const VISITS = 5;
+// Triangles of the mesh that is brought.
+const TRIANGLES = 20_000;
+const SECOND = 1_000;
+
+function at(share, values) {
+  const sorted = values.toSorted((a, b) => a - b);
+  return sorted[Math.min(Math.floor(share * sorted.length), sorted.length - 1)];
+}
+
+function row(name, value, unit) {
+  console.log(`row ${name} ${value.toFixed(3)} ${unit}`);
+}
+
+// Runs in the page before all else: notes when the first picture is there, and what interactions took.
+function watch() {
+  globalThis.interactions = new Map();
+  new PerformanceObserver((list) => {
+    for (const { interactionId, duration } of list.getEntries()) {
+      if (interactionId > 0) globalThis.interactions.set(interactionId, Math.max(duration, globalThis.interactions.get(interactionId) ?? 0));
+    }
+  }).observe({ type: "event", durationThreshold: 16, buffered: true });
+  new MutationObserver(() => {
+    if (Number(document.getElementById("view")?.dataset.drawn) > 0) globalThis.pictured ??= performance.now();
+  }).observe(document, { subtree: true, childList: true, attributes: true, attributeFilter: ["data-drawn"] });
+}
+
+async function arrive(page, address) {
+  await page.goto(address);
+  await page.waitForFunction(() => globalThis.pictured !== undefined);
+  const picture = await page.evaluate(() => globalThis.pictured);
+  await untilReady(page);
+  return { picture, ready: await page.evaluate(() => performance.now()) };
+}
+
+// First and second visits, and what the first one fetches: code as it is sent, compressed, and weights.
+async function visits(served) {
+  const firsts = [];
+  const seconds = [];
+  let code = 0;
+  for (let i = 0; i < VISITS; i++) {
+    const context = await served.browser.newContext();
+    const page = await context.newPage();
+    await page.addInitScript(watch);
+    const fetched = [];
+    const isCode = (response) => /(\/|\.js|\.css|\.wasm|\.html)$/.test(new URL(response.url()).pathname);
+    page.on("response", (response) => isCode(response) && fetched.push(response.request().sizes()));
+    firsts.push(await arrive(page, served.address));
+    if (i === 0) for (const { responseBodySize } of await Promise.all(fetched)) code += responseBodySize;
+    seconds.push(await arrive(page, served.address));
+    await context.close();
+  }
+  row("page_first_picture", at(0.5, firsts.map(({ picture }) => picture)), "ms");
+  row("page_ready", at(0.5, firsts.map(({ ready }) => ready)), "ms");
+  row("page_second_picture", at(0.5, seconds.map(({ picture }) => picture)), "ms");
+  row("page_second_ready", at(0.5, seconds.map(({ ready }) => ready)), "ms");
+  row("page_code", code / 1e6, "MB");
+}
+
+// How fast the simulation goes at 1x while it is drawn, and how soon the page answers meanwhile.
+async function liveliness(served) {
+  const { page } = await blank(served);
+  await page.addInitScript(watch);
+  await arrive(page, served.address);
+  await page.click("#grasp");
+  await page.waitForSelector("[data-phase=policy].is-now");
+  const rates = [];
+  for (const key of "cmhfpxcmhfpxcmhfpxcmhfpxcmhfpxcmhfpx") {
+    await page.keyboard.press(key);
+    await page.waitForTimeout(0.1 * SECOND);
+    const rate = parseFloat(await page.textContent("#rate"));
+    if (Number.isFinite(rate)) rates.push(rate);
+  }
+  row("page_real_time_factor", at(0.5, rates), "x");
+  // Interactions that take less than 16 ms are not told of, and count as that.
+  row("page_interaction_p95", at(0.95, await page.evaluate(() => [...globalThis.interactions.values(), 16])), "ms");
+  await page.close();
+}
+
+// A bottle with ribs, as triangles without names.
+function bottle() {
+  const [around, along] = [200, TRIANGLES / 400];
+  const radius = (v) => 0.03 + 0.004 * Math.sin(20 * v) - 0.012 * Math.max(0, v - 0.7) / 0.3;
+  const point = (i, j) => {
+    const [u, v] = [(2 * Math.PI * i) / around, j / along];
+    return [radius(v) * Math.cos(u), radius(v) * Math.sin(u), 0.18 * v].map((x) => x.toFixed(6)).join(" ");
+  };
+  const lines = [];
+  for (let j = 0; j <= along; j++) for (let i = 0; i < around; i++) lines.push(`v ${point(i, j)}`);
+  const name = (i, j) => j * around + (i % around) + 1;
+  for (let j = 0; j < along; j++) {
+    for (let i = 0; i < around; i++) {
+      lines.push(`f ${name(i, j)} ${name(i + 1, j)} ${name(i + 1, j + 1)}`, `f ${name(i, j)} ${name(i + 1, j + 1)} ${name(i, j + 1)}`);
+    }
+  }
+  return lines.join("\n");
+}
+
+// From a mesh that is brought to a verdict, as fast as the page goes.
+async function upload(served) {
+  const { page } = await visit(served);
+  await untilReady(page);
+  await page.selectOption("#speed", "4");
+  const file = { name: "bottle.obj", mimeType: "text/plain", buffer: Buffer.from(bottle()) };
+  const began = performance.now();
+  await page.setInputFiles("#file", file);
+  await page.waitForFunction(() => document.getElementById("report-mesh").textContent.includes("20,000"));
+  await untilReady(page);
+  row("page_upload", performance.now() - began, "ms");
+  await page.click("#grasp");
+  await page.waitForSelector("[data-phase=verdict].is-now");
+  row("page_upload_to_verdict", performance.now() - began, "ms");
+  await page.close();
+}
+
+const served = await open();
+try {
+  await visits(served);
+  await liveliness(served);
+  await upload(served);
+} finally {
+  await served.close();
+}
