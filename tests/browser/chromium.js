@@ -103,6 +103,8 @@ export async function visit(served, options = {}) {
 
 export async function screenshot(page, name) {
   mkdirSync(screenshots, { recursive: true });
+  // What has come to rest is drawn once more, finely.
+  await page.waitForTimeout(600);
   await page.screenshot({ path: `${screenshots}/${name}.png` });
 }
 

@@ -224,7 +224,7 @@ export class View {
     });
   }
 
-  // Draws with a share of the screen's pixels along a side, and with all of them once nothing moves.
+  // Draws with a share of the screen's pixels along a side, and as finely as it may be once nothing moves.
   #draw(now: number, share = 1): void {
     const ratio = share * Math.min(devicePixelRatio, 2);
     if (ratio !== this.#renderer.getPixelRatio()) this.#renderer.setPixelRatio(ratio);
@@ -233,12 +233,14 @@ export class View {
     const isTurning = this.#viewpoint.update(now);
     this.#events.moved(this.#viewpoint.stand());
     this.#sensor?.show(this.#showsSensor, this.#viewpoint.camera.position);
-    this.#studio?.castShadows(share === 1);
+    this.#studio?.castShadows(share >= 1);
     this.#renderer.render(this.#scene, this.#viewpoint.camera);
     this.#canvas.dataset["drawn"] = String(this.#robot.length);
     if (isMoving || isTurning) this.#wake();
     clearTimeout(this.#rest);
-    if (share < 1) this.#rest = window.setTimeout(() => this.#draw(performance.now()), REST);
+    // Twice as many pixels do for smoothed edges.
+    const finest = this.#isPlain ? 2 : 1;
+    if (share < finest) this.#rest = window.setTimeout(() => this.#draw(performance.now(), finest), REST);
   }
 }
 
