@@ -57,6 +57,10 @@ enum Command {
 
 fn main() -> std::process::ExitCode {
     let command = Cli::parse().command;
+    // Whoever reads no further, as `head`, ends a program that prints; a server outlives its readers, and a job the server.
+    if !matches!(command, Command::Serve(_)) && !report::is_asked() {
+        sigpipe::reset();
+    }
     let result = report::begin().and_then(|()| run(&command));
     report::end(&result);
     match result {

@@ -56,6 +56,11 @@ struct Phase {
     total: usize,
 }
 
+/// Whether this process does a job.
+pub(crate) fn is_asked() -> bool {
+    std::env::var_os(JOB_FILE).is_some()
+}
+
 /// Begins to report, where this process does a job; waits for one that is still at work in its folder.
 pub(crate) fn begin() -> Result<()> {
     let Some(path) = std::env::var_os(JOB_FILE) else { return Ok(()) };
