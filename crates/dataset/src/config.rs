@@ -136,9 +136,8 @@ impl DatasetConfig {
             },
             "families" => {
                 let taught = CATALOG.iter().filter(|entry| entry.is_for_training());
-                let seen: Vec<&str> = taught.clone().map(|entry| entry.name).collect();
                 // What no grasp lifts has no demonstrations.
-                let lifted = taught.filter(|entry| !NOT_LIFTED.contains(&entry.name));
+                let lifted = taught.clone().filter(|entry| !NOT_LIFTED.contains(&entry.name));
                 let proportions = |entry: &Entry| match FAMILY_VARIANTS
                     .iter()
                     .find(|(name, _)| *name == entry.name)
@@ -148,8 +147,8 @@ impl DatasetConfig {
                     None => 1,
                 };
                 Self {
-                    encoder_objects: owned(&seen),
-                    objects: with_variants(lifted.map(|entry| (entry.name, proportions(entry)))),
+                    encoder_objects: with_variants(taught.map(|e| (e.name, proportions(e)))),
+                    objects: with_variants(lifted.map(|e| (e.name, proportions(e)))),
                     grasps_by_family: true,
                     poses: 28,
                     trajectories: 2,
@@ -157,7 +156,7 @@ impl DatasetConfig {
                     audits: 0,
                     perturbed: 0,
                     turns: 8,
-                    encoder_clouds: 700,
+                    encoder_clouds: 500,
                     ..small
                 }
             }

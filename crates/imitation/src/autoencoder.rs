@@ -68,15 +68,16 @@ pub fn pose_in_front(pose: [f32; 3], bearing: f64) -> [f32; 3] {
 }
 
 impl AutoencoderConfig {
-    /// About a quarter of an hour on two cores.
+    /// About an hour on two cores. With a third of the steps and a tenth of the weight of the moments, the yaw of the
+    /// bleach bottle is read off z half as exactly, and a policy of the same data lifts its scan 16 of 40 times, not 29.
     pub fn standard() -> Self {
         Self {
-            steps: 12_000,
+            steps: 36_000,
             batch: 32,
             shards: 2,
             rate: 1e-3,
             latent_weight: 1e-4,
-            moment_weight: 0.05,
+            moment_weight: 0.5,
             span: 500,
             seed: 0,
         }
