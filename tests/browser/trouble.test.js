@@ -2,7 +2,7 @@
 
 import assert from "node:assert/strict";
 import { after, before, test } from "node:test";
-import { blank, open, PATIENCE, untilReady, visit } from "./chromium.js";
+import { BOX, blank, open, PATIENCE, untilReady, visit } from "./chromium.js";
 
 let served;
 before(async () => (served = await open()));
@@ -76,9 +76,7 @@ test("by keyboard alone a mesh is brought, grasped and shared", async () => {
   await tabTo("upload");
   const chooser = page.waitForEvent("filechooser");
   await page.keyboard.press("Enter");
-  const box = `v 0 0 0\nv 40 0 0\nv 40 60 0\nv 0 60 0\nv 0 0 120\nv 40 0 120\nv 40 60 120\nv 0 60 120
-f 1 4 3 2\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n`;
-  await (await chooser).setFiles({ name: "box.obj", mimeType: "model/obj", buffer: Buffer.from(box) });
+  await (await chooser).setFiles({ name: "box.obj", mimeType: "model/obj", buffer: Buffer.from(BOX) });
   await page.waitForFunction(() => document.getElementById("report-size").textContent.startsWith("4.0"));
   await tabTo("grasp");
   await page.keyboard.press("Enter");

@@ -3,15 +3,11 @@
 import assert from "node:assert/strict";
 import { after, before, test } from "node:test";
 import { deflateRawSync } from "node:zlib";
-import { open, screenshot, untilReady, visit } from "./chromium.js";
+import { BOX, open, screenshot, untilReady, visit } from "./chromium.js";
 
 let served;
 before(async () => (served = await open()));
 after(() => served?.close());
-
-// A box of 40 x 60 x 120, without a unit as OBJ files are.
-const BOX = `v 0 0 0\nv 40 0 0\nv 40 60 0\nv 0 60 0\nv 0 0 120\nv 40 0 120\nv 40 60 120\nv 0 60 120
-f 1 4 3 2\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n`;
 
 function file(name, text) {
   return { name, mimeType: "application/octet-stream", buffer: Buffer.from(text) };
