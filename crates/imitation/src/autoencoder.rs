@@ -43,9 +43,18 @@ pub struct AutoencoderConfig {
 #[derive(Clone, Debug)]
 pub struct Example {
     /// 512 x 3.
-    pub cloud: Vec<f32>,
+    cloud: Vec<f32>,
+    /// Its neighbourhoods, which do not change from step to step.
+    neighborhoods: Vec<twin::Neighborhood>,
     /// In units of their spread.
-    pub moments: [f32; MOMENTS],
+    moments: [f32; MOMENTS],
+}
+
+impl Example {
+    /// A cloud (512 x 3) turned to the front, and the moments of the whole object there, in units of their spread.
+    pub fn new(cloud: Vec<f32>, moments: [f32; MOMENTS]) -> Self {
+        Self { neighborhoods: twin::neighborhoods_of(&cloud), cloud, moments }
+    }
 }
 
 /// The examples of a dataset.
@@ -58,7 +67,7 @@ fn examples(dataset: &Dataset) -> Result<Vec<Example>> {
         clouds.push(cloud);
     }
     let scale = Scale::of(&raw);
-    let example = |(cloud, raw): (Vec<f32>, &_)| Example { cloud, moments: scale.apply(raw) };
+    let example = |(cloud, raw): (Vec<f32>, &_)| Example::new(cloud, scale.apply(raw));
     Ok(clouds.into_iter().zip(&raw).map(example).collect())
 }
 
@@ -68,8 +77,8 @@ pub fn pose_in_front(pose: [f32; 3], bearing: f64) -> [f32; 3] {
 }
 
 impl AutoencoderConfig {
-    /// About an hour on two cores. With a third of the steps and a tenth of the weight of the moments, the yaw of the
-    /// bleach bottle is read off z half as exactly, and a policy of the same data lifts its scan 16 of 40 times, not 29.
+    /// About an hour on two cores. With a third of the steps and a tenth of the weight of the moments, on the clouds of
+    /// preset `families`, the yaw of the bleach bottle is read off z within 8.7 degrees (median), not 4.3.
     pub fn standard() -> Self {
         Self {
             steps: 36_000,
@@ -151,7 +160,9 @@ pub fn loss(
 ) -> Result<Gradient> {
     let params = &params.of_shard();
     let clouds: Vec<&[f32]> = examples.iter().map(|example| example.cloud.as_slice()).collect();
-    let z = twin::encode(params, &clouds)?;
+    let near: Vec<&[twin::Neighborhood]> =
+        examples.iter().map(|example| example.neighborhoods.as_slice()).collect();
+    let z = twin::encode_among(params, &clouds, &near)?;
     let made = twin::decode(params, &z)?;
     let chamfer = made.apply_op2(&twin::targets(&clouds)?, Chamfer::default())?.mean_all()?;
     let size = (z.sqr()?.mean_all()? * config.latent_weight)?;

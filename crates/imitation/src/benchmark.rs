@@ -130,7 +130,7 @@ fn encoder(config: &AutoencoderConfig) -> Result<f64> {
     let mut point = |axis: usize| [0.6, 0.0, -0.15][axis] + rng.random_range(-0.1f32..0.1);
     let mut cloud = || (0..3 * CLOUD).map(|i| point(i % 3)).collect();
     let examples: Vec<Example> =
-        (0..config.batch).map(|_| Example { cloud: cloud(), moments: [0.0; MOMENTS] }).collect();
+        (0..config.batch).map(|_| Example::new(cloud(), [0.0; MOMENTS])).collect();
     let batch: Vec<&Example> = examples.iter().collect();
     time(|| {
         let gradients = differentiate(&batch, autoencoder::PIECE, config.shards, |part| {

@@ -81,6 +81,7 @@ impl Fourier {
 ///
 /// Reduction to [-π/4, π/4] with π/2 in three parts, then the minimax polynomials of Cephes
 /// (S. Moshier); error below 2e-7 for |x| < 8000.
+#[inline(always)]
 pub fn sin_cos(x: f32) -> (f32, f32) {
     // Adding 1.5 x 2^23 rounds to an integer, as `rint` does but inline.
     const ROUND: f32 = 12_582_912.0;

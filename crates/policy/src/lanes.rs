@@ -8,14 +8,14 @@ use half::f16;
 /// only where it is inlined.
 #[cfg(not(target_arch = "wasm32"))]
 #[inline]
-pub(crate) fn widest<R>(work: impl FnOnce() -> R) -> R {
+pub fn widest<R>(work: impl FnOnce() -> R) -> R {
     pulp::Arch::new().dispatch(work)
 }
 
 /// Runs `work`: a browser has lanes of one width.
 #[cfg(target_arch = "wasm32")]
 #[inline]
-pub(crate) fn widest<R>(work: impl FnOnce() -> R) -> R {
+pub fn widest<R>(work: impl FnOnce() -> R) -> R {
     work()
 }
 

@@ -9,7 +9,7 @@ pub mod encoder;
 pub mod encoding;
 pub mod fourier;
 pub mod head;
-mod lanes;
+pub mod lanes;
 pub mod mlp;
 pub mod model;
 pub mod network;

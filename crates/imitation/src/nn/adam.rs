@@ -5,6 +5,7 @@ use super::head::contiguous;
 use crate::shards::{Gradient, Gradients, over_threads};
 use anyhow::Result;
 use candle_core::{CpuStorage, InplaceOp1, Layout, Storage, Tensor, Var};
+use policy::lanes::widest;
 use std::sync::Mutex;
 
 /// Decay of the first and second moment, and what keeps the quotient finite.
@@ -116,11 +117,16 @@ impl Part<'_> {
         for begin in (0..count).step_by(BLOCK) {
             let sum = &mut sum[..BLOCK.min(count - begin)];
             sum.fill(0.0);
-            for (share, gradient) in &slices {
-                for (sum, g) in sum.iter_mut().zip(&gradient[begin..]) {
-                    *sum += share * g;
-                }
-            }
+            widest(
+                #[inline(always)]
+                || {
+                    for (share, gradient) in &slices {
+                        for (sum, g) in sum.iter_mut().zip(&gradient[begin..]) {
+                            *sum += share * g;
+                        }
+                    }
+                },
+            );
             f(begin, sum);
         }
         Ok(())
@@ -157,13 +163,19 @@ impl InplaceOp1 for Update<'_, '_> {
         self.part.blocks(|begin, gradient| {
             let end = begin + gradient.len();
             let moments = first[begin..end].iter_mut().zip(&mut second[begin..end]);
-            for ((value, g), (m, v)) in values[begin..end].iter_mut().zip(gradient).zip(moments) {
-                let g = g * self.scale;
-                *m = BETA1 * *m + (1.0 - BETA1) * g;
-                *v = BETA2 * *v + (1.0 - BETA2) * g * g;
-                let step = (*m / self.correct1) / ((*v / self.correct2).sqrt() + EPSILON);
-                *value -= self.rate * (step + self.decay * *value);
-            }
+            let all = values[begin..end].iter_mut().zip(gradient).zip(moments);
+            widest(
+                #[inline(always)]
+                || {
+                    for ((value, g), (m, v)) in all {
+                        let g = g * self.scale;
+                        *m = BETA1 * *m + (1.0 - BETA1) * g;
+                        *v = BETA2 * *v + (1.0 - BETA2) * g * g;
+                        let step = (*m / self.correct1) / ((*v / self.correct2).sqrt() + EPSILON);
+                        *value -= self.rate * (step + self.decay * *value);
+                    }
+                },
+            );
         })
     }
 }

@@ -1,6 +1,6 @@
 //! The autoencoder on a batch; the twin of `policy::encoder`.
 
-use super::pool::Largest;
+use super::pool::Strongest;
 use super::{Params, dense, mlp};
 use crate::moments::MOMENTS;
 use anyhow::Result;
@@ -30,38 +30,55 @@ pub fn points(cloud: &[f32]) -> Vec<Vec3> {
     cloud.chunks_exact(3).map(|p| Vec3::new(p[0], p[1], p[2])).collect()
 }
 
+/// The indices of the points that are nearest to a centre.
+pub type Neighborhood = [u16; NEIGHBORS];
+
+/// The neighbourhoods of a cloud, one for each of its centres.
+pub fn neighborhoods_of(cloud: &[f32]) -> Vec<Neighborhood> {
+    let nearest = neighborhoods(&points(cloud));
+    nearest.into_iter().map(|nearest| nearest.map(|i| i as u16)).collect()
+}
+
 /// z of each cloud, shape (B, LATENT), not standardised.
 pub fn encode(params: &Params, clouds: &[&[f32]]) -> Result<Tensor> {
+    let near: Vec<Vec<Neighborhood>> = clouds.iter().map(|cloud| neighborhoods_of(cloud)).collect();
+    let near: Vec<&[Neighborhood]> = near.iter().map(Vec::as_slice).collect();
+    encode_among(params, clouds, &near)
+}
+
+/// The same where the neighbourhoods are known.
+pub fn encode_among(
+    params: &Params,
+    clouds: &[&[f32]],
+    neighborhoods: &[&[Neighborhood]],
+) -> Result<Tensor> {
     let batch = clouds.len();
-    let mut local = Vec::with_capacity(batch * CENTERS * NEIGHBORS * 6);
+    let mut local = Vec::with_capacity(batch * CENTERS * NEIGHBORS * LOCAL_WIDTHS[0]);
     let mut places = Vec::with_capacity(batch * CENTERS * 3);
-    for cloud in clouds {
+    for (cloud, near) in clouds.iter().zip(neighborhoods) {
         let points = points(cloud);
-        for (center, neighbors) in points.iter().zip(neighborhoods(&points)) {
-            for i in neighbors {
-                local.extend(local_input(*center, points[i]));
+        for (center, near) in points.iter().zip(*near) {
+            for i in near {
+                local.extend(local_input(*center, points[usize::from(*i)]));
             }
             places.extend(global_position(*center));
         }
     }
     let rows = batch * CENTERS;
     let local = Tensor::from_vec(local, (rows * NEIGHBORS, LOCAL_WIDTHS[0]), &Device::Cpu)?;
-    let local = activated(&local, params, "encoder.local", LOCAL_WIDTHS.len() - 1)?;
-    let local = local.reshape((rows, NEIGHBORS, LOCAL_WIDTHS[2]))?.apply_op1(Largest)?;
+    let local = point_net(&local, params, "encoder.local", NEIGHBORS)?;
     let places = Tensor::from_vec(places, (rows, 3), &Device::Cpu)?;
     let global = Tensor::cat(&[local, places], D::Minus1)?;
-    let global = activated(&global, params, "encoder.global", GLOBAL_WIDTHS.len() - 1)?;
-    let global = global.reshape((batch, CENTERS, GLOBAL_WIDTHS[2]))?.apply_op1(Largest)?;
+    let global = point_net(&global, params, "encoder.global", CENTERS)?;
     Ok(mlp(&global, params, "encoder.readout", READOUT_WIDTHS.len() - 1, RELU)?)
 }
 
-/// Layers with the activation after the last one too.
-fn activated(x: &Tensor, params: &Params, name: &str, count: usize) -> Result<Tensor> {
-    let mut h = x.clone();
-    for layer in 0..count {
-        h = dense(&h, params, &format!("{name}.{layer}"), Some(RELU))?;
-    }
-    Ok(h)
+/// Two shared layers, and the largest of what they say over each `rows` rows.
+fn point_net(x: &Tensor, params: &Params, name: &str, rows: usize) -> Result<Tensor> {
+    let hidden = dense(x, params, &format!("{name}.0"), Some(RELU))?;
+    let (weight, slot) = params.weight(&format!("{name}.1.weight"))?;
+    let bias = params.tensor(&format!("{name}.1.bias"))?;
+    Ok(hidden.apply_op3(&weight, bias, Strongest::new(rows, slot))?)
 }
 
 /// The clouds that `z` stands for, shape (B, CLOUD, 3), in units of the workspace.

@@ -2,6 +2,7 @@
 
 use super::head::contiguous;
 use candle_core::{CpuStorage, CustomOp2, Layout, Result, Shape, Tensor};
+use pulp::{Simd, WithSimd};
 use std::sync::Mutex;
 
 /// Mean squared distance to the nearest point, both ways: clouds (B, N, 3) and (B, M, 3) to (B).
@@ -76,34 +77,60 @@ fn distance(a: &[f32], b: &[f32], gradient: &mut [f32]) -> f32 {
     sum
 }
 
-/// Points that are looked at at once.
-const LANES: usize = 8;
+/// Most numbers that a register holds.
+const LANES: usize = 16;
 
 /// For each point the first of the nearest ones in the other cloud, and the squared distance.
 fn nearest(from: &[f32], to: &[f32]) -> Vec<(usize, f32)> {
-    let count = (to.len() / 3).next_multiple_of(LANES);
-    let mut axes = [(); 3].map(|()| vec![f32::INFINITY; count]);
-    for (i, point) in to.chunks_exact(3).enumerate() {
+    let count = from.len() / 3;
+    let mut axes = [(); 3].map(|()| vec![0.0; count.next_multiple_of(LANES)]);
+    for (i, point) in from.chunks_exact(3).enumerate() {
         (0..3).for_each(|k| axes[k][i] = point[k]);
     }
-    let [x, y, z] = axes.each_ref().map(|axis| axis.as_chunks::<LANES>().0);
-    from.chunks_exact(3)
-        .map(|p| {
-            let (mut least, mut place) = ([f32::INFINITY; LANES], [0u32; LANES]);
-            for (block, ((x, y), z)) in x.iter().zip(y).zip(z).enumerate() {
-                for lane in 0..LANES {
-                    let (dx, dy, dz) = (p[0] - x[lane], p[1] - y[lane], p[2] - z[lane]);
-                    let squared = dx * dx + dy * dy + dz * dz;
-                    let is_nearer = squared < least[lane];
-                    least[lane] = if is_nearer { squared } else { least[lane] };
-                    place[lane] = if is_nearer { block as u32 } else { place[lane] };
-                }
+    let (mut least, mut place) = (vec![0.0; axes[0].len()], vec![0.0; axes[0].len()]);
+    let from = axes.each_ref().map(Vec::as_slice);
+    pulp::Arch::new().dispatch(Search { from, to, least: &mut least, place: &mut place });
+    place.into_iter().map(|i| i as usize).zip(least).take(count).collect()
+}
+
+/// Points that each search for the nearest ones, as many at once as a register holds.
+struct Search<'a> {
+    /// x, y and z of those that search.
+    from: [&'a [f32]; 3],
+    /// Those that are found, point by point.
+    to: &'a [f32],
+    /// The squared distance that is found for each.
+    least: &'a mut [f32],
+    /// Which one it is of: small whole numbers, exact in single precision.
+    place: &'a mut [f32],
+}
+
+impl WithSimd for Search<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let [x, y, z] = self.from.map(|axis| S::as_simd_f32s(axis).0);
+        let (least, place) = (S::as_mut_simd_f32s(self.least).0, S::as_mut_simd_f32s(self.place).0);
+        for (((x, y), z), (least, place)) in x.iter().zip(y).zip(z).zip(least.iter_mut().zip(place))
+        {
+            let (mut nearest, mut at) = (simd.splat_f32s(f32::INFINITY), simd.splat_f32s(0.0));
+            let mut index = 0.0;
+            for point in self.to.chunks_exact(3) {
+                let square = |axis: S::f32s, coordinate: f32| {
+                    let off = simd.sub_f32s(axis, simd.splat_f32s(coordinate));
+                    simd.mul_f32s(off, off)
+                };
+                let squared = simd.add_f32s(square(*x, point[0]), square(*y, point[1]));
+                let squared = simd.add_f32s(squared, square(*z, point[2]));
+                let is_nearer = simd.less_than_f32s(squared, nearest);
+                nearest = simd.select_f32s(is_nearer, squared, nearest);
+                at = simd.select_f32s(is_nearer, simd.splat_f32s(index), at);
+                index += 1.0;
             }
-            let found = (0..LANES).map(|lane| (least[lane], place[lane] as usize * LANES + lane));
-            let first = found.min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-            first.map_or((0, f32::INFINITY), |(squared, i)| (i, squared))
-        })
-        .collect()
+            (*least, *place) = (nearest, at);
+        }
+    }
 }
 
 #[cfg(test)]
@@ -125,7 +152,7 @@ mod tests {
 
     #[test]
     fn the_first_of_the_nearest_points_is_found_however_many_there_are() {
-        for count in [1, 7, 8, 9, 31] {
+        for count in [1, 7, 16, 17, 50] {
             let (a, mut b) = (cloud(20, 0.0), cloud(count, 0.1));
             // The last point once more: the first of both counts.
             b.extend_from_within(3 * (count - 1)..);

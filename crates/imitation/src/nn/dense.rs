@@ -1,9 +1,11 @@
 //! A layer y = f(xW + b) as one operation with its gradient: bias and f cost no pass of their own.
 
 use super::head::contiguous;
-use super::slot::Slot;
+use super::slot::{Slot, leave};
+use super::transposed::through;
 use candle_core::backend::BackendStorage;
-use candle_core::{CpuStorage, CustomOp2, CustomOp3, Layout, Result, Shape, Tensor};
+use candle_core::{CpuStorage, CustomOp3, Layout, Result, Shape, Tensor};
+use policy::lanes::widest;
 use policy::mlp::Activation;
 
 /// x (N, inputs), W (inputs, outputs), b (outputs) to y (N, outputs).
@@ -14,62 +16,9 @@ pub struct Dense {
     pub slot: Option<Slot>,
 }
 
-/// y (N, inputs) = x (N, outputs) Wᵀ: back through a layer as a forward operation.
-pub struct Transposed {
-    /// Where the gradient of W is left, if not on the tape.
-    pub slot: Option<Slot>,
-}
-
-/// Leaves the gradient of a weight in its slot, or gives it to the tape.
-fn leave(slot: Option<&Slot>, gradient: Tensor) -> Result<Option<Tensor>> {
-    match slot {
-        Some(slot) => slot.add(gradient).map(|()| None),
-        None => Ok(Some(gradient)),
-    }
-}
-
-impl CustomOp2 for Transposed {
-    fn name(&self) -> &'static str {
-        "transposed"
-    }
-
-    fn cpu_fwd(
-        &self,
-        x: &CpuStorage,
-        x_layout: &Layout,
-        weight: &CpuStorage,
-        weight_layout: &Layout,
-    ) -> Result<(CpuStorage, Shape)> {
-        let ((rows, outputs), inputs) = (x_layout.shape().dims2()?, weight_layout.dims()[0]);
-        let sizes = (1, rows, inputs, outputs);
-        let y = x.matmul(weight, sizes, x_layout, &weight_layout.transpose(0, 1)?)?;
-        Ok((y, Shape::from((rows, inputs))))
-    }
-
-    fn bwd(
-        &self,
-        x: &Tensor,
-        weight: &Tensor,
-        _: &Tensor,
-        gradient: &Tensor,
-    ) -> Result<(Option<Tensor>, Option<Tensor>)> {
-        let of_weight = gradient.t()?.matmul(x)?;
-        Ok((Some(gradient.matmul(weight)?), leave(self.slot.as_ref(), of_weight)?))
-    }
-}
-
 impl Dense {
-    fn activate(&self, y: &mut [f32]) {
-        match self.activation {
-            None => {}
-            Some(Activation::Elu) => {
-                y.iter_mut().for_each(|y| *y = y.max(0.0) + (exp(y.min(0.0)) - 1.0));
-            }
-            Some(Activation::Relu) => y.iter_mut().for_each(|y| *y = y.max(0.0)),
-        }
-    }
-
     /// The derivative, told from the activated value.
+    #[inline(always)]
     fn slope(&self, y: f32) -> f32 {
         match self.activation {
             None => 1.0,
@@ -79,8 +28,29 @@ impl Dense {
     }
 }
 
+/// f(y + b), row by row.
+#[inline(always)]
+fn apply(f: impl Fn(f32) -> f32, y: &mut [f32], bias: &[f32]) {
+    for row in y.chunks_exact_mut(bias.len()) {
+        for (y, b) in row.iter_mut().zip(bias) {
+            *y = f(*y + b);
+        }
+    }
+}
+
+#[inline(always)]
+fn elu(y: f32) -> f32 {
+    y.max(0.0) + (exp(y.min(0.0)) - 1.0)
+}
+
+#[inline(always)]
+fn relu(y: f32) -> f32 {
+    y.max(0.0)
+}
+
 /// e^x for x <= 0, to a few units in the last place; free of branches, so that a loop over it runs in
 /// vectors.
+#[inline(always)]
 fn exp(x: f32) -> f32 {
     // Adding 1.5 x 2^23 rounds to an integer, whose last bits then stand in those of the sum.
     const ROUND: f32 = 12_582_912.0;
@@ -116,10 +86,14 @@ impl CustomOp3 for Dense {
             candle_core::bail!("layers are made of single-precision numbers")
         };
         let bias = contiguous(bias, bias_layout)?;
-        for row in y.chunks_exact_mut(outputs) {
-            row.iter_mut().zip(bias).for_each(|(y, b)| *y += b);
-            self.activate(row);
-        }
+        widest(
+            #[inline(always)]
+            || match self.activation {
+                None => apply(|y| y, &mut y, bias),
+                Some(Activation::Elu) => apply(elu, &mut y, bias),
+                Some(Activation::Relu) => apply(relu, &mut y, bias),
+            },
+        );
         Ok((CpuStorage::F32(y), Shape::from((rows, outputs))))
     }
 
@@ -139,17 +113,22 @@ impl CustomOp3 for Dense {
                 candle_core::bail!("layers run on the processor")
             };
             let y = contiguous(storage, layout)?;
-            let rows = of_product.chunks_exact_mut(of_bias.len());
-            for (row, y) in rows.zip(y.chunks_exact(of_bias.len())) {
-                for ((g, y), b) in row.iter_mut().zip(y).zip(&mut of_bias) {
-                    *g *= self.slope(*y);
-                    *b += *g;
-                }
-            }
+            widest(
+                #[inline(always)]
+                || {
+                    let rows = of_product.chunks_exact_mut(of_bias.len());
+                    for (row, y) in rows.zip(y.chunks_exact(of_bias.len())) {
+                        for ((g, y), b) in row.iter_mut().zip(y).zip(&mut of_bias) {
+                            *g *= self.slope(*y);
+                            *b += *g;
+                        }
+                    }
+                },
+            );
         }
         let of_product = Tensor::from_vec(of_product, gradient.shape(), x.device())?;
         // What the batch consists of needs no gradient.
-        let of_x = if x.track_op() { Some(of_product.matmul(&weight.t()?)?) } else { None };
+        let of_x = if x.track_op() { Some(through(&of_product, weight)?) } else { None };
         let of_weight = x.t()?.matmul(&of_product)?;
         let of_bias = Tensor::from_vec(of_bias, bias.shape(), x.device())?;
         Ok((of_x, leave(self.slot.as_ref(), of_weight)?, Some(of_bias)))

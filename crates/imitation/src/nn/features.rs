@@ -3,6 +3,7 @@
 use super::head::contiguous;
 use candle_core::{CpuStorage, CustomOp1, Device, Layout, Result, Shape, Tensor};
 use policy::fourier::{FEATURES, FREQUENCIES, sin_cos};
+use policy::lanes::widest;
 use std::sync::Arc;
 
 /// Cosines, then sines of phases, row by row: constants of the tape.
@@ -15,12 +16,17 @@ impl Features {
         let phases = phases.flatten_all()?.to_vec1::<f32>()?;
         let mut features = vec![0.0; 2 * phases.len()];
         let rows = features.chunks_exact_mut(FEATURES).zip(phases.chunks_exact(FREQUENCIES));
-        for (row, phases) in rows {
-            let (cosines, sines) = row.split_at_mut(FREQUENCIES);
-            for ((cosine, sine), phase) in cosines.iter_mut().zip(sines).zip(phases) {
-                (*sine, *cosine) = sin_cos(*phase);
-            }
-        }
+        widest(
+            #[inline(always)]
+            || {
+                for (row, phases) in rows {
+                    let (cosines, sines) = row.split_at_mut(FREQUENCIES);
+                    for ((cosine, sine), phase) in cosines.iter_mut().zip(sines).zip(phases) {
+                        (*sine, *cosine) = sin_cos(*phase);
+                    }
+                }
+            },
+        );
         Ok(Self(Arc::new(features)))
     }
 

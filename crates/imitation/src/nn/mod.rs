@@ -8,12 +8,14 @@ pub mod baseline;
 pub mod chamfer;
 pub mod dense;
 pub mod features;
+pub mod gate;
 pub mod head;
 pub mod network;
 pub mod ngf;
 pub mod params;
 pub mod pool;
 pub mod slot;
+pub mod transposed;
 
 pub use params::Params;
 

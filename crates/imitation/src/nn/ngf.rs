@@ -1,9 +1,10 @@
 //! The NGF on a batch; the twin of `policy::ngf`. ∂ψ/∂q is built from forward operations, so that
 //! one ordinary backward pass trains it.
 
-use super::dense::Transposed;
 use super::features::Features;
+use super::gate::Gate;
 use super::head::{Head, PACKED};
+use super::transposed::Transposed;
 use super::{Params, dense, mlp};
 use anyhow::Result;
 use candle_core::{Device, Tensor};
@@ -159,21 +160,17 @@ impl Ngf {
     ) -> Result<Tensor> {
         let name = PARTS[POTENTIAL].name;
         let features = self.features(POTENTIAL, states, z)?;
-        let mut h = features.tensor()?;
-        let mut slopes = Vec::new();
+        let mut hidden = vec![features.tensor()?];
         for layer in 0..LAYERS - 1 {
-            h = dense(&h, params, &format!("{name}.{layer}"), Some(Activation::Elu))?;
-            // ELU's derivative, told from its value: e^x = (e^x - 1) + 1.
-            slopes.push((h.minimum(0f64)? + 1.0)?);
+            let name = format!("{name}.{layer}");
+            hidden.push(dense(&hidden[layer], params, &name, Some(Activation::Elu))?);
         }
         let last = params.tensor(&format!("{name}.{}.weight", LAYERS - 1))?;
-        let mut gradient = slopes[LAYERS - 2].broadcast_mul(&last.t()?)?;
+        let mut gradient = last.t()?.broadcast_as(hidden[LAYERS - 1].shape())?.contiguous()?;
         for layer in (0..LAYERS - 1).rev() {
             let (weight, slot) = params.weight(&format!("{name}.{layer}.weight"))?;
+            gradient = gradient.apply_op2(&hidden[layer + 1], Gate)?;
             gradient = gradient.apply_op2(&weight, Transposed { slot })?;
-            if layer > 0 {
-                gradient = (gradient * &slopes[layer - 1])?;
-            }
         }
         let of_phases = features.pull_back(&gradient)?;
         let frequencies = self.fourier[POTENTIAL].1.narrow(0, 0, DOF)?.t()?;

@@ -30,6 +30,14 @@ impl Slot {
     }
 }
 
+/// Leaves the gradient of a weight in its slot, or gives it to the tape.
+pub(super) fn leave(slot: Option<&Slot>, gradient: Tensor) -> Result<Option<Tensor>> {
+    match slot {
+        Some(slot) => slot.add(gradient).map(|()| None),
+        None => Ok(Some(gradient)),
+    }
+}
+
 /// a += b.
 struct Add;
 

@@ -1,0 +1,86 @@
+//! Back through an activation, as an operation with a gradient of its own.
+
+use super::head::contiguous;
+use candle_core::{CpuStorage, CustomOp2, Layout, Result, Shape, Tensor};
+use policy::lanes::widest;
+
+/// g ⊙ f'(x), both of one shape, told from h = f(x), f being ELU: its slope is e^x = h + 1 below zero, and 1 above.
+pub struct Gate;
+
+impl CustomOp2 for Gate {
+    fn name(&self) -> &'static str {
+        "gate"
+    }
+
+    fn cpu_fwd(
+        &self,
+        g: &CpuStorage,
+        g_layout: &Layout,
+        h: &CpuStorage,
+        h_layout: &Layout,
+    ) -> Result<(CpuStorage, Shape)> {
+        let (g, h) = (contiguous(g, g_layout)?, contiguous(h, h_layout)?);
+        let mut out = g.to_vec();
+        widest(
+            #[inline(always)]
+            || {
+                for (out, h) in out.iter_mut().zip(h) {
+                    *out *= h.min(0.0) + 1.0;
+                }
+            },
+        );
+        Ok((CpuStorage::F32(out), g_layout.shape().clone()))
+    }
+
+    fn bwd(
+        &self,
+        g: &Tensor,
+        h: &Tensor,
+        _: &Tensor,
+        gradient: &Tensor,
+    ) -> Result<(Option<Tensor>, Option<Tensor>)> {
+        let flat = |tensor: &Tensor| tensor.flatten_all()?.to_vec1::<f32>();
+        let (mut of_g, mut of_h, h) = (flat(gradient)?, flat(g)?, flat(h)?);
+        widest(
+            #[inline(always)]
+            || {
+                for ((of_g, of_h), h) in of_g.iter_mut().zip(&mut of_h).zip(&h) {
+                    *of_h = if *h < 0.0 { *of_h * *of_g } else { 0.0 };
+                    *of_g *= h.min(0.0) + 1.0;
+                }
+            },
+        );
+        let tensor = |values| Tensor::from_vec(values, g.shape(), g.device());
+        Ok((Some(tensor(of_g)?), Some(tensor(of_h)?)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use candle_core::{Device, Var};
+
+    #[test]
+    fn it_is_the_product_with_the_slope_and_so_is_its_gradient() {
+        let wave = |by: f32| -> Vec<f32> { (0..40).map(|k| libm::sinf(by * k as f32)).collect() };
+        let var = |by| Var::from_vec(wave(by), (5, 8), &Device::Cpu).unwrap();
+        let (g, x, upstream) = (var(0.7), var(1.9), var(0.3));
+        let h = x.elu(1.0).unwrap();
+        let ours = g.apply_op2(&h, Gate).unwrap();
+        // e^min(x, 0), by candle's own operations.
+        let plain = (g.as_tensor() * x.minimum(0f64).unwrap().exp().unwrap()).unwrap();
+        let apart = |a: &Tensor, b: &Tensor| {
+            let off = (a - b).unwrap().abs().unwrap().max_all().unwrap();
+            off.to_scalar::<f32>().unwrap()
+        };
+        assert!(apart(&ours, &plain) < 1e-6);
+        let store = |y: &Tensor| {
+            let weighted = (y * upstream.as_tensor()).unwrap();
+            weighted.sum_all().unwrap().backward().unwrap()
+        };
+        let (ours, plain) = (store(&ours), store(&plain));
+        for var in [&g, &x] {
+            assert!(apart(ours.get(var).unwrap(), plain.get(var).unwrap()) < 1e-6);
+        }
+    }
+}
