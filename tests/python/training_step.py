@@ -94,10 +94,9 @@ class Autoencoder:
         self.decoder = layers([LATENT, 256, 256, 3 * CLOUD])
         self.params = self.local + self.global_ + self.readout + self.decoder
 
-    def loss(self, clouds):
+    def loss(self, clouds, near):
         count, relu = len(clouds), torch.relu
         centers = clouds[:, :CENTERS]
-        near = torch.cdist(centers, clouds).topk(NEIGHBORS, largest=False).indices
         points = torch.gather(clouds, 1, near.reshape(count, -1, 1).expand(-1, -1, 3))
         points = points.reshape(count, CENTERS, NEIGHBORS, 3)
         place = (centers - torch.tensor([0.6, 0.0, -0.15])) / 0.2
@@ -130,7 +129,9 @@ def main():
     torch.manual_seed(0)
     ngf = Ngf(), [torch.rand(BATCH, n) - 0.5 for n in (DOF, DOF, LATENT)], 10.0
     clouds = torch.tensor([0.6, 0.0, -0.15]) + 0.2 * (torch.rand(CLOUDS, CLOUD, 3) - 0.5)
-    encoder = Autoencoder(), [clouds], 1.0
+    # Found once, not at each step, as in what it is compared with.
+    near = torch.cdist(clouds[:, :CENTERS], clouds).topk(NEIGHBORS, largest=False).indices
+    encoder = Autoencoder(), [clouds, near], 1.0
     for name, what in (("ngf", ngf), ("encoder", encoder)):
         best = []
         for threads in range(1, (os.cpu_count() or 1) + 1):

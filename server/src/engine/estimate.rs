@@ -26,7 +26,7 @@ mod seconds {
     pub(super) const SEARCH_OF_GRASPS: f64 = 7.0;
     pub(super) const DEMONSTRATION: f64 = 0.04;
     pub(super) const CLOUD: f64 = 0.0022;
-    pub(super) const EXAMPLE_OF_ENCODER: f64 = 0.004;
+    pub(super) const EXAMPLE_OF_ENCODER: f64 = 0.0005;
     pub(super) const EXAMPLE_OF_NGF: f64 = 0.00011;
     pub(super) const EXAMPLE_OF_MLP: f64 = 0.00003;
     pub(super) const ATTEMPT: f64 = 0.5;
