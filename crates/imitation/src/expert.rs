@@ -1,5 +1,6 @@
 //! The surrogate expert: a PD controller along the nearest demonstration (Eq. 1, paper §II-B).
 
+use crate::nearest::Configurations;
 use robot::{ARM, DOF, JointState, JointVector};
 
 /// Gains of the expert.
@@ -30,6 +31,8 @@ pub struct Demonstrations {
     rows: Vec<f32>,
     /// First row of each trajectory, and the number of rows at the end.
     offsets: Vec<usize>,
+    /// The rows' configurations, weighted.
+    weighted: Configurations,
 }
 
 const ROW: usize = 2 * DOF;
@@ -56,35 +59,36 @@ const ONE_POSTURE: f64 = 1e-3;
 impl Demonstrations {
     /// Takes rows of 46: q, q̇.
     pub fn new(rows: Vec<f32>, offsets: Vec<usize>) -> Self {
-        Self { rows, offsets }
+        let weighted = |row: &[f32]| std::array::from_fn(|i| weight(i) as f32 * row[i]);
+        let weighted = Configurations::new(rows.chunks_exact(ROW).map(weighted));
+        Self { rows, offsets, weighted }
     }
 
     /// The same, turned by an angle (rad) about the robot's vertical axis: the axis of its first joint.
     pub fn turned(&self, turn: f32) -> Self {
-        let mut turned = self.clone();
-        turned.rows.iter_mut().step_by(ROW).for_each(|q| *q += turn);
-        turned
+        let mut rows = self.rows.clone();
+        rows.iter_mut().step_by(ROW).for_each(|q| *q += turn);
+        Self::new(rows, self.offsets.clone())
     }
 
     /// Those that end in one posture, apart from the others: one way of grasping each.
     pub fn by_grasp(&self) -> Vec<Self> {
-        let mut apart: Vec<Self> = Vec::new();
+        // Rows, ends of trajectories, and the posture in which they end.
+        let mut apart: Vec<(Vec<f32>, Vec<usize>, JointVector)> = Vec::new();
         for trajectory in 0..self.trajectories() {
             let (first, end) = self.span(trajectory);
             let rows = &self.rows[first * ROW..end * ROW];
-            let is_same = |other: &&mut Self| {
-                let last = other.state(other.rows() - 1).q;
-                (self.state(end - 1).q - last).amax() < ONE_POSTURE
-            };
-            match apart.iter_mut().find(is_same) {
-                Some(other) => {
-                    other.rows.extend(rows);
-                    other.offsets.push(other.rows.len() / ROW);
+            let last = self.state(end - 1).q;
+            match apart.iter_mut().find(|(_, _, other)| (last - other).amax() < ONE_POSTURE) {
+                Some((others, offsets, other)) => {
+                    others.extend(rows);
+                    offsets.push(others.len() / ROW);
+                    *other = last;
                 }
-                None => apart.push(Self::new(rows.to_vec(), vec![0, end - first])),
+                None => apart.push((rows.to_vec(), vec![0, end - first], last)),
             }
         }
-        apart
+        apart.into_iter().map(|(rows, offsets, _)| Self::new(rows, offsets)).collect()
     }
 
     /// Number of trajectories.
@@ -138,20 +142,9 @@ impl Demonstrations {
     /// *Departure: the paper compares velocities too. The policy's velocity is off long before its
     /// configuration is, and a potential, which sees none, cannot follow a target that jumps with it.*
     pub fn nearest(&self, q: &JointVector) -> (usize, usize) {
-        let key: Vec<f32> = q.iter().map(|x| *x as f32).collect();
-        let mut best = (0, f32::INFINITY);
-        for (i, row) in self.rows.chunks_exact(ROW).enumerate() {
-            let square = |(joint, (a, b)): (usize, (&f32, &f32))| {
-                let off = weight(joint) as f32 * (a - b);
-                off * off
-            };
-            let distance = row.iter().zip(&key).enumerate().map(square).sum::<f32>();
-            if distance < best.1 {
-                best = (i, distance);
-            }
-        }
-        let end = self.offsets.partition_point(|&first| first <= best.0);
-        (best.0, self.offsets[end])
+        let nearest = self.weighted.nearest(&std::array::from_fn(|i| (weight(i) * q[i]) as f32));
+        let end = self.offsets.partition_point(|&first| first <= nearest);
+        (nearest, self.offsets[end])
     }
 }
 

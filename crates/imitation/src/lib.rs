@@ -12,6 +12,7 @@ mod fit;
 pub mod lesson;
 pub mod loss;
 pub mod moments;
+mod nearest;
 pub mod nn;
 pub mod readout;
 pub mod reconstruction;

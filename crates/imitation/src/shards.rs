@@ -22,7 +22,7 @@ impl Gradient {
     /// Differentiates a loss.
     pub fn of(loss: &Tensor, params: &Params) -> Result<Self> {
         let store = loss.backward()?;
-        Ok(Self { loss: loss.to_scalar::<f32>()?, of_params: params.gradients(&store) })
+        Ok(Self { loss: loss.to_scalar::<f32>()?, of_params: params.gradients(&store)? })
     }
 }
 
@@ -55,9 +55,10 @@ pub fn over_threads<T: Sync, R: Send>(
         let work = |queue: Vec<usize>| {
             queue.into_iter().map(|i| Ok((i, f(&items[i])?))).collect::<Result<Vec<_>>>()
         };
+        let own = queues.swap_remove(0).1;
         let running: Vec<_> =
             queues.into_iter().map(|(_, queue)| scope.spawn(move || work(queue))).collect();
-        let mut results = Vec::new();
+        let mut results = work(own)?;
         for thread in running {
             results.extend(thread.join().map_err(|_| anyhow!("a training thread panicked"))??);
         }

@@ -1,6 +1,6 @@
 //! The Chamfer distance of two batches of clouds, with its gradient.
 
-use super::head::contiguous;
+use super::memory::contiguous;
 use candle_core::{CpuStorage, CustomOp2, Layout, Result, Shape, Tensor};
 use pulp::{Simd, WithSimd};
 use std::sync::Mutex;

@@ -1,7 +1,7 @@
 //! A layer y = f(xW + b) as one operation with its gradient: bias and f cost no pass of their own.
 
-use super::head::contiguous;
-use super::slot::{Slot, leave};
+use super::memory::{contiguous, read};
+use super::slot::{Slot, leave_product};
 use super::transposed::through;
 use candle_core::backend::BackendStorage;
 use candle_core::{CpuStorage, CustomOp3, Layout, Result, Shape, Tensor};
@@ -107,17 +107,13 @@ impl CustomOp3 for Dense {
     ) -> Result<(Option<Tensor>, Option<Tensor>, Option<Tensor>)> {
         let mut of_product = gradient.flatten_all()?.to_vec1::<f32>()?;
         let mut of_bias = vec![0.0; bias.elem_count()];
-        {
-            let (storage, layout) = y.storage_and_layout();
-            let candle_core::Storage::Cpu(storage) = &*storage else {
-                candle_core::bail!("layers run on the processor")
-            };
-            let y = contiguous(storage, layout)?;
+        read(y, |y| {
+            let rows = of_product.chunks_exact_mut(of_bias.len());
+            let rows = rows.zip(y.chunks_exact(of_bias.len()));
             widest(
                 #[inline(always)]
                 || {
-                    let rows = of_product.chunks_exact_mut(of_bias.len());
-                    for (row, y) in rows.zip(y.chunks_exact(of_bias.len())) {
+                    for (row, y) in rows {
                         for ((g, y), b) in row.iter_mut().zip(y).zip(&mut of_bias) {
                             *g *= self.slope(*y);
                             *b += *g;
@@ -125,13 +121,13 @@ impl CustomOp3 for Dense {
                     }
                 },
             );
-        }
+        })?;
         let of_product = Tensor::from_vec(of_product, gradient.shape(), x.device())?;
         // What the batch consists of needs no gradient.
         let of_x = if x.track_op() { Some(through(&of_product, weight)?) } else { None };
-        let of_weight = x.t()?.matmul(&of_product)?;
+        let of_weight = leave_product(self.slot.as_ref(), x, &of_product)?;
         let of_bias = Tensor::from_vec(of_bias, bias.shape(), x.device())?;
-        Ok((of_x, leave(self.slot.as_ref(), of_weight)?, Some(of_bias)))
+        Ok((of_x, of_weight, Some(of_bias)))
     }
 }
 

@@ -1,38 +1,39 @@
 //! Fourier features on a batch, and back through them; the twin of `policy::fourier`.
 
-use super::head::contiguous;
+use super::memory::{contiguous, read};
 use candle_core::{CpuStorage, CustomOp1, Device, Layout, Result, Shape, Tensor};
 use policy::fourier::{FEATURES, FREQUENCIES, sin_cos};
 use policy::lanes::widest;
-use std::sync::Arc;
 
-/// Cosines, then sines of phases, row by row: constants of the tape.
+/// Cosines, then sines of phases, shape (B, FEATURES): constants of the tape.
 #[derive(Clone)]
-pub struct Features(Arc<Vec<f32>>);
+pub struct Features(Tensor);
 
 impl Features {
     /// Of phases, shape (B, FREQUENCIES).
     pub fn of(phases: &Tensor) -> Result<Self> {
-        let phases = phases.flatten_all()?.to_vec1::<f32>()?;
-        let mut features = vec![0.0; 2 * phases.len()];
-        let rows = features.chunks_exact_mut(FEATURES).zip(phases.chunks_exact(FREQUENCIES));
-        widest(
-            #[inline(always)]
-            || {
-                for (row, phases) in rows {
-                    let (cosines, sines) = row.split_at_mut(FREQUENCIES);
-                    for ((cosine, sine), phase) in cosines.iter_mut().zip(sines).zip(phases) {
-                        (*sine, *cosine) = sin_cos(*phase);
+        let mut features = vec![0.0; 2 * phases.elem_count()];
+        read(phases, |phases| {
+            let rows = features.chunks_exact_mut(FEATURES).zip(phases.chunks_exact(FREQUENCIES));
+            widest(
+                #[inline(always)]
+                || {
+                    for (row, phases) in rows {
+                        let (cosines, sines) = row.split_at_mut(FREQUENCIES);
+                        for ((cosine, sine), phase) in cosines.iter_mut().zip(sines).zip(phases) {
+                            (*sine, *cosine) = sin_cos(*phase);
+                        }
                     }
-                }
-            },
-        );
-        Ok(Self(Arc::new(features)))
+                },
+            );
+        })?;
+        let shape = (features.len() / FEATURES, FEATURES);
+        Ok(Self(Tensor::from_vec(features, shape, &Device::Cpu)?))
     }
 
     /// As a tensor, shape (B, FEATURES).
-    pub fn tensor(&self) -> Result<Tensor> {
-        Tensor::from_slice(&self.0, (self.0.len() / FEATURES, FEATURES), &Device::Cpu)
+    pub fn tensor(&self) -> Tensor {
+        self.0.clone()
     }
 
     /// From a gradient with respect to the features (B, FEATURES) to that with respect to the phases
@@ -52,32 +53,54 @@ impl CustomOp1 for PullBack {
 
     fn cpu_fwd(&self, storage: &CpuStorage, layout: &Layout) -> Result<(CpuStorage, Shape)> {
         let of_features = contiguous(storage, layout)?;
-        let mut out = Vec::with_capacity(of_features.len() / 2);
-        let rows = self.0.0.chunks_exact(FEATURES).zip(of_features.chunks_exact(FEATURES));
-        for (features, gradient) in rows {
-            let (cosines, sines) = features.split_at(FREQUENCIES);
-            let (of_cosines, of_sines) = gradient.split_at(FREQUENCIES);
-            let along = cosines.iter().zip(of_sines).zip(sines.iter().zip(of_cosines));
-            out.extend(
-                along.map(|((cosine, of_sine), (sine, of_cosine))| {
-                    cosine * of_sine - sine * of_cosine
-                }),
+        let mut out = vec![0.0; of_features.len() / 2];
+        read(&self.0.0, |features| {
+            let rows = features.chunks_exact(FEATURES).zip(of_features.chunks_exact(FEATURES));
+            let rows = rows.zip(out.chunks_exact_mut(FREQUENCIES));
+            widest(
+                #[inline(always)]
+                || {
+                    for ((features, gradient), out) in rows {
+                        let (cosines, sines) = features.split_at(FREQUENCIES);
+                        let (of_cosines, of_sines) = gradient.split_at(FREQUENCIES);
+                        let along = cosines.iter().zip(of_sines).zip(sines.iter().zip(of_cosines));
+                        for (out, ((cosine, of_sine), (sine, of_cosine))) in
+                            out.iter_mut().zip(along)
+                        {
+                            *out = cosine * of_sine - sine * of_cosine;
+                        }
+                    }
+                },
             );
-        }
+        })?;
         let shape = Shape::from((out.len() / FREQUENCIES, FREQUENCIES));
         Ok((CpuStorage::F32(out), shape))
     }
 
     fn bwd(&self, arg: &Tensor, _: &Tensor, gradient: &Tensor) -> Result<Option<Tensor>> {
-        let gradient = gradient.flatten_all()?.to_vec1::<f32>()?;
-        let mut out = vec![0.0; 2 * gradient.len()];
-        let rows = self.0.0.chunks_exact(FEATURES).zip(out.chunks_exact_mut(FEATURES));
-        for ((features, out), gradient) in rows.zip(gradient.chunks_exact(FREQUENCIES)) {
-            for (k, g) in gradient.iter().enumerate() {
-                out[k] = -features[FREQUENCIES + k] * g;
-                out[FREQUENCIES + k] = features[k] * g;
-            }
-        }
+        let mut out = vec![0.0; 2 * gradient.elem_count()];
+        read(&self.0.0, |features| {
+            read(gradient, |gradient| {
+                let rows = features.chunks_exact(FEATURES).zip(out.chunks_exact_mut(FEATURES));
+                let rows = rows.zip(gradient.chunks_exact(FREQUENCIES));
+                widest(
+                    #[inline(always)]
+                    || {
+                        for ((features, out), gradient) in rows {
+                            let (cosines, sines) = features.split_at(FREQUENCIES);
+                            let (of_cosines, of_sines) = out.split_at_mut(FREQUENCIES);
+                            let out = of_cosines.iter_mut().zip(of_sines);
+                            let features = cosines.iter().zip(sines);
+                            for (((of_cosine, of_sine), (cosine, sine)), g) in
+                                out.zip(features).zip(gradient)
+                            {
+                                (*of_cosine, *of_sine) = (-sine * g, cosine * g);
+                            }
+                        }
+                    },
+                );
+            })
+        })??;
         Ok(Some(Tensor::from_vec(out, arg.shape(), arg.device())?))
     }
 }
@@ -104,7 +127,7 @@ mod tests {
             let off = (a - b).unwrap().abs().unwrap().max_all().unwrap();
             off.to_scalar::<f32>().unwrap()
         };
-        assert!(apart(&features.tensor().unwrap(), &both) < 1e-6);
+        assert!(apart(&features.tensor(), &both) < 1e-6);
         let part = |first| of_features.narrow(1, first, FREQUENCIES).unwrap();
         let wanted =
             ((part(FREQUENCIES) * &cosines).unwrap() - (part(0) * &sines).unwrap()).unwrap();

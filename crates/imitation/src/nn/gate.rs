@@ -1,6 +1,6 @@
 //! Back through an activation, as an operation with a gradient of its own.
 
-use super::head::contiguous;
+use super::memory::{contiguous, read};
 use candle_core::{CpuStorage, CustomOp2, Layout, Result, Shape, Tensor};
 use policy::lanes::widest;
 
@@ -40,16 +40,18 @@ impl CustomOp2 for Gate {
         gradient: &Tensor,
     ) -> Result<(Option<Tensor>, Option<Tensor>)> {
         let flat = |tensor: &Tensor| tensor.flatten_all()?.to_vec1::<f32>();
-        let (mut of_g, mut of_h, h) = (flat(gradient)?, flat(g)?, flat(h)?);
-        widest(
-            #[inline(always)]
-            || {
-                for ((of_g, of_h), h) in of_g.iter_mut().zip(&mut of_h).zip(&h) {
-                    *of_h = if *h < 0.0 { *of_h * *of_g } else { 0.0 };
-                    *of_g *= h.min(0.0) + 1.0;
-                }
-            },
-        );
+        let (mut of_g, mut of_h) = (flat(gradient)?, flat(g)?);
+        read(h, |h| {
+            widest(
+                #[inline(always)]
+                || {
+                    for ((of_g, of_h), h) in of_g.iter_mut().zip(&mut of_h).zip(h) {
+                        *of_h = if *h < 0.0 { *of_h * *of_g } else { 0.0 };
+                        *of_g *= h.min(0.0) + 1.0;
+                    }
+                },
+            );
+        })?;
         let tensor = |values| Tensor::from_vec(values, g.shape(), g.device());
         Ok((Some(tensor(of_g)?), Some(tensor(of_h)?)))
     }

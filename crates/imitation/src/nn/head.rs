@@ -1,16 +1,23 @@
 //! Eq. 3 to 5 on a batch, with a gradient by hand; the twin of `policy::head`.
 
+use super::memory::contiguous;
 use candle_core::{CpuStorage, CustomOp2, Layout, Result, Shape, Tensor};
 use policy::head::{DAMPING, METRIC_FLOOR, REST, TRIANGLE, positive};
 use policy::mlp::elu_slope;
 use robot::{DOF, JointMatrix, JointVector};
+use std::sync::{Mutex, PoisonError};
 
 /// Columns of the packed outputs: U_g, U_f, χ, ∂ψ, β_f.
 pub const PACKED: usize = 2 * TRIANGLE + 2 * DOF + 1;
 
 /// The fabric's acceleration (B, DOF) from packed outputs (B, PACKED) and velocities (B, DOF).
-pub struct Head;
+#[derive(Default)]
+pub struct Head {
+    /// Of each state what the way back needs; the last way there leaves it.
+    resolved: Mutex<Vec<Option<Resolved>>>,
+}
 
+/// What the networks say of a state.
 struct Sample {
     lower: [JointMatrix; 2],
     chi: JointVector,
@@ -20,7 +27,7 @@ struct Sample {
 
 /// Everything of a forward pass that the backward pass needs.
 struct Resolved {
-    geometry_metric: JointMatrix,
+    lower: [JointMatrix; 2],
     metric: nalgebra::Cholesky<f64, nalgebra::Const<DOF>>,
     pi: JointVector,
     /// M⁻¹ f_g and M⁻¹ f_f.
@@ -50,39 +57,57 @@ impl Sample {
         }
     }
 
-    fn resolve(&self, qd: &JointVector) -> Option<Resolved> {
-        let floor = JointMatrix::identity() * METRIC_FLOOR;
-        let [geometry_metric, driving_metric] =
-            [0, 1].map(|k| self.lower[k] * self.lower[k].transpose() + floor);
-        let metric = (geometry_metric + driving_metric).cholesky()?;
+    fn resolve(self, qd: &JointVector) -> Option<Resolved> {
+        let mut metric = JointMatrix::from_diagonal_element(2.0 * METRIC_FLOOR);
+        self.lower.iter().for_each(|lower| add_square(&mut metric, lower));
+        let metric = metric.cholesky()?;
         let pi = self.chi * qd.norm_squared();
-        let y = metric.solve(&(geometry_metric * pi));
+        let y = metric.solve(&apply(&self.lower[0], &pi));
         let w = metric.solve(&(self.gradient + qd * self.damping));
         let alpha = qd.dot(&y) / (qd.norm_squared() + REST);
         let qdd = -y + qd * (alpha - DAMPING) - w;
-        Some(Resolved { geometry_metric, metric, pi, y, w, qdd })
+        Some(Resolved { lower: self.lower, metric, pi, y, w, qdd })
     }
+}
 
+/// Adds U Uᵀ to the lower triangle of `sum`.
+fn add_square(sum: &mut JointMatrix, lower: &JointMatrix) {
+    for k in 0..DOF {
+        let column = lower.column(k);
+        let column = column.as_slice();
+        for j in k..DOF {
+            let to = &mut sum.as_mut_slice()[j * DOF..(j + 1) * DOF];
+            to[j..].iter_mut().zip(&column[j..]).for_each(|(to, u)| *to += column[j] * u);
+        }
+    }
+}
+
+/// (U Uᵀ + floor) x.
+fn apply(lower: &JointMatrix, x: &JointVector) -> JointVector {
+    lower * lower.tr_mul(x) + x * METRIC_FLOOR
+}
+
+impl Resolved {
     /// Gradient with respect to the packed row, given that with respect to q̈.
     fn pull_back(&self, row: &[f32], qd: &JointVector, of_qdd: &JointVector) -> Vec<f32> {
-        let Some(r) = self.resolve(qd) else { return vec![0.0; PACKED] };
         // q̈ = -P y - w - β q̇ with P = I - q̇ q̇ᵀ / (q̇ᵀq̇ + ε).
         let projected = of_qdd - qd * (qd.dot(of_qdd) / (qd.norm_squared() + REST));
-        let u = -r.metric.solve(&projected);
-        let v = -r.metric.solve(of_qdd);
-        let of_metric = -(u * r.y.transpose() + v * r.w.transpose());
-        let of_geometry = of_metric + u * r.pi.transpose();
+        let u = -self.metric.solve(&projected);
+        let v = -self.metric.solve(of_qdd);
+        // Of a metric: u (π - y)ᵀ - v wᵀ or, where π does not act, -u yᵀ - v wᵀ; of its U that and its transpose, times U.
         let mut out = Vec::with_capacity(PACKED);
-        for (of_matrix, lower) in [of_geometry, of_metric].iter().zip(&self.lower) {
-            let of_lower = (of_matrix + of_matrix.transpose()) * lower;
-            for row_index in 0..DOF {
-                for c in 0..=row_index {
-                    let slope = if row_index == c { elu_slope(row[out.len()]) as f64 } else { 1.0 };
-                    out.push((of_lower[(row_index, c)] * slope) as f32);
+        for (lower, of_u) in self.lower.iter().zip([self.pi - self.y, -self.y]) {
+            let pairs = [(u, of_u), (of_u, u), (v, -self.w), (self.w, -v)];
+            let pairs = pairs.map(|(left, right)| (left, lower.tr_mul(&right)));
+            for r in 0..DOF {
+                for c in 0..=r {
+                    let of_lower: f64 = pairs.iter().map(|(a, b)| a[r] * b[c]).sum();
+                    let slope = if r == c { elu_slope(row[out.len()]) as f64 } else { 1.0 };
+                    out.push((of_lower * slope) as f32);
                 }
             }
         }
-        let of_chi = r.geometry_metric * u * qd.norm_squared();
+        let of_chi = apply(&self.lower[0], &u) * qd.norm_squared();
         out.extend(of_chi.iter().chain(v.iter()).map(|x| *x as f32));
         out.push((v.dot(qd) * elu_slope(row[PACKED - 1]) as f64) as f32);
         out
@@ -106,12 +131,15 @@ impl CustomOp2 for Head {
         l2: &Layout,
     ) -> Result<(CpuStorage, Shape)> {
         let (packed, qd) = (contiguous(s1, l1)?, contiguous(s2, l2)?);
+        let samples = packed.chunks_exact(PACKED).zip(qd.chunks_exact(DOF));
+        let resolved: Vec<Option<Resolved>> =
+            samples.map(|(row, qd)| Sample::unpack(row).resolve(&velocity(qd))).collect();
         let mut out = Vec::with_capacity(qd.len());
-        for (row, qd) in packed.chunks_exact(PACKED).zip(qd.chunks_exact(DOF)) {
-            let qdd = Sample::unpack(row).resolve(&velocity(qd)).map(|r| r.qdd);
-            let qdd = qdd.unwrap_or_else(|| JointVector::from_element(f64::NAN));
+        for resolved in &resolved {
+            let qdd = resolved.as_ref().map_or(JointVector::from_element(f64::NAN), |r| r.qdd);
             out.extend(qdd.iter().map(|x| *x as f32));
         }
+        *self.resolved.lock().unwrap_or_else(PoisonError::into_inner) = resolved;
         let shape = Shape::from((out.len() / DOF, DOF));
         Ok((CpuStorage::F32(out), shape))
     }
@@ -127,22 +155,15 @@ impl CustomOp2 for Head {
         let velocities = qd.flatten_all()?.to_vec1::<f32>()?;
         let gradients = gradient.flatten_all()?.to_vec1::<f32>()?;
         let mut out = Vec::with_capacity(rows.len());
-        let samples = rows.chunks_exact(PACKED);
-        for ((row, qd), g) in
-            samples.zip(velocities.chunks_exact(DOF)).zip(gradients.chunks_exact(DOF))
-        {
-            out.extend(Sample::unpack(row).pull_back(row, &velocity(qd), &velocity(g)));
+        let resolved = self.resolved.lock().unwrap_or_else(PoisonError::into_inner);
+        let vectors = velocities.chunks_exact(DOF).zip(gradients.chunks_exact(DOF));
+        for ((row, resolved), (qd, g)) in rows.chunks_exact(PACKED).zip(&*resolved).zip(vectors) {
+            match resolved {
+                Some(resolved) => out.extend(resolved.pull_back(row, &velocity(qd), &velocity(g))),
+                None => out.extend([0.0; PACKED]),
+            }
         }
         Ok((Some(Tensor::from_vec(out, packed.shape(), packed.device())?), None))
-    }
-}
-
-/// The values of a contiguous f32 tensor.
-pub(crate) fn contiguous<'a>(storage: &'a CpuStorage, layout: &Layout) -> Result<&'a [f32]> {
-    let values = storage.as_slice::<f32>()?;
-    match layout.contiguous_offsets() {
-        Some((start, end)) => Ok(&values[start..end]),
-        None => candle_core::bail!("this operation needs contiguous tensors"),
     }
 }
 
@@ -157,7 +178,8 @@ mod tests {
         let qd = JointVector::from_fn(|i, _| libm::cos(i as f64));
         let weights = JointVector::from_fn(|i, _| libm::sin(3.0 * i as f64 + 1.0));
         let value = |row: &[f32]| Sample::unpack(row).resolve(&qd).unwrap().qdd.dot(&weights);
-        let gradient = Sample::unpack(&row).pull_back(&row, &qd, &weights);
+        let resolved = Sample::unpack(&row).resolve(&qd).unwrap();
+        let gradient = resolved.pull_back(&row, &qd, &weights);
         for k in (0..PACKED).step_by(7).chain(2 * TRIANGLE..PACKED) {
             let (mut up, mut down) = (row.clone(), row.clone());
             up[k] += 1e-2;
@@ -183,7 +205,7 @@ mod tests {
         let packed = Var::from_vec(row, (1, PACKED), &Device::Cpu).unwrap();
         let speeds: Vec<f32> = qd.iter().map(|x| *x as f32).collect();
         let qd = Tensor::from_vec(speeds, (1, DOF), &Device::Cpu).unwrap();
-        let got = packed.apply_op2(&qd, Head).unwrap().to_vec2::<f32>().unwrap();
+        let got = packed.apply_op2(&qd, Head::default()).unwrap().to_vec2::<f32>().unwrap();
         for i in 0..DOF {
             assert!((got[0][i] as f64 - wanted[i]).abs() < 1e-4 * wanted.norm());
         }

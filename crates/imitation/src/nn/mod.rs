@@ -10,6 +10,7 @@ pub mod dense;
 pub mod features;
 pub mod gate;
 pub mod head;
+mod memory;
 pub mod network;
 pub mod ngf;
 pub mod params;

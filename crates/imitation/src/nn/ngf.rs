@@ -7,7 +7,7 @@ use super::head::{Head, PACKED};
 use super::transposed::Transposed;
 use super::{Params, dense, mlp};
 use anyhow::Result;
-use candle_core::{Device, Tensor};
+use candle_core::{DType, Device, Tensor};
 use policy::fourier::{FREQUENCIES, Fourier};
 use policy::mlp::Activation;
 use policy::ngf::{NgfConfig, PARTS, inputs};
@@ -125,7 +125,7 @@ impl Ngf {
     pub fn resolve(packed: &Tensor, states: &[JointState]) -> Result<Tensor> {
         let qd: Vec<f32> = states.iter().flat_map(|s| s.qd.iter().map(|x| *x as f32)).collect();
         let qd = Tensor::from_vec(qd, (states.len(), DOF), &Device::Cpu)?;
-        Ok(packed.apply_op2(&qd, Head)?)
+        Ok(packed.apply_op2(&qd, Head::default())?)
     }
 
     fn apply(
@@ -135,18 +135,17 @@ impl Ngf {
         states: &[JointState],
         z: &[&[f32]],
     ) -> Result<Tensor> {
-        let features = self.features(part, states, z)?.tensor()?;
-        Ok(mlp(&features, params, PARTS[part].name, LAYERS, Activation::Elu)?)
+        let features = self.features(part, states, z)?;
+        Ok(mlp(&features.tensor(), params, PARTS[part].name, LAYERS, Activation::Elu)?)
     }
 
     /// The features of one of the networks.
     fn features(&self, part: usize, states: &[JointState], z: &[&[f32]]) -> Result<Features> {
         let (fourier, frequencies) = &self.fourier[part];
-        let x: Vec<f32> = states
-            .iter()
-            .zip(z)
-            .flat_map(|(state, z)| inputs(&PARTS[part], &self.limits, state, z))
-            .collect();
+        let mut x = Vec::with_capacity(states.len() * fourier.inputs);
+        for (state, z) in states.iter().zip(z) {
+            x.extend(inputs(&PARTS[part], &self.limits, state, z));
+        }
         let x = Tensor::from_vec(x, (states.len(), fourier.inputs), &Device::Cpu)?;
         Ok(Features::of(&x.matmul(frequencies)?)?)
     }
@@ -160,13 +159,15 @@ impl Ngf {
     ) -> Result<Tensor> {
         let name = PARTS[POTENTIAL].name;
         let features = self.features(POTENTIAL, states, z)?;
-        let mut hidden = vec![features.tensor()?];
+        let mut hidden = vec![features.tensor()];
         for layer in 0..LAYERS - 1 {
             let name = format!("{name}.{layer}");
             hidden.push(dense(&hidden[layer], params, &name, Some(Activation::Elu))?);
         }
         let last = params.tensor(&format!("{name}.{}.weight", LAYERS - 1))?;
-        let mut gradient = last.t()?.broadcast_as(hidden[LAYERS - 1].shape())?.contiguous()?;
+        // The same in each row, as a product: it knows its gradient, and takes no time.
+        let each = Tensor::ones((states.len(), 1), DType::F32, &Device::Cpu)?;
+        let mut gradient = each.matmul(&last.t()?)?;
         for layer in (0..LAYERS - 1).rev() {
             let (weight, slot) = params.weight(&format!("{name}.{layer}.weight"))?;
             gradient = gradient.apply_op2(&hidden[layer + 1], Gate)?;
@@ -233,7 +234,7 @@ mod tests {
             let packed = Tensor::cat(&outputs, 1).unwrap().contiguous().unwrap();
             let made = Ngf::resolve(&packed, &states).unwrap();
             let store = made.sqr().unwrap().mean_all().unwrap().backward().unwrap();
-            params.gradients(&store)
+            params.gradients(&store).unwrap()
         };
         let (of_tape, of_slots) = (gradients(&params), gradients(&params.of_shard()));
         for (name, (tape, slot)) in params.names().zip(of_tape.iter().zip(&of_slots)) {

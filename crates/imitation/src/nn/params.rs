@@ -102,10 +102,10 @@ impl Params {
     }
 
     /// The gradient of each parameter after a backward pass; `None` where the loss does not depend on it.
-    pub fn gradients(&self, store: &GradStore) -> Vec<Option<Tensor>> {
+    pub fn gradients(&self, store: &GradStore) -> candle_core::Result<Vec<Option<Tensor>>> {
         let gradient = |(name, var): (&String, &Var)| {
-            let left = self.slots.get(name).and_then(Slot::take);
-            left.or_else(|| store.get(var).cloned())
+            let left = self.slots.get(name).map_or(Ok(None), Slot::take)?;
+            Ok(left.or_else(|| store.get(var).cloned()))
         };
         self.vars.iter().map(gradient).collect()
     }

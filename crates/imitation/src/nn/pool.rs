@@ -2,7 +2,7 @@
 //!
 //! Only the row that gives a maximum has a gradient there, so the way back costs a small part of the way there.
 
-use super::head::contiguous;
+use super::memory::contiguous;
 use super::slot::{Slot, leave};
 use candle_core::backend::BackendStorage;
 use candle_core::{CpuStorage, CustomOp3, Layout, Result, Shape, Tensor};

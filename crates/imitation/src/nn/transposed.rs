@@ -1,6 +1,6 @@
 //! x Wᵀ: back through a layer, as an operation with a gradient of its own.
 
-use super::slot::{Slot, leave};
+use super::slot::{Slot, leave_product};
 use candle_core::backend::BackendStorage;
 use candle_core::{CpuStorage, CustomOp2, Layout, Result, Shape, Storage, Tensor};
 
@@ -37,8 +37,8 @@ impl CustomOp2 for Transposed {
         _: &Tensor,
         gradient: &Tensor,
     ) -> Result<(Option<Tensor>, Option<Tensor>)> {
-        let of_weight = gradient.t()?.matmul(x)?;
-        Ok((Some(gradient.matmul(weight)?), leave(self.slot.as_ref(), of_weight)?))
+        let of_weight = leave_product(self.slot.as_ref(), gradient, x)?;
+        Ok((Some(gradient.matmul(weight)?), of_weight))
     }
 }
 
