@@ -57,6 +57,16 @@ mod tests {
     }
 
     #[test]
+    fn the_bleach_bottle_is_within_reach_wherever_it_stands() {
+        let robot = Robot::standard().unwrap();
+        let object = Object::built_in("bleach").unwrap();
+        let served = place::poses_served(&robot, &object, &built_in("bleach").unwrap().grasps);
+        let all: usize = served.iter().sum();
+        println!("{served:?} of {}", place::REACH_POSES);
+        assert!(all >= place::REACH_POSES * 98 / 100, "{served:?}");
+    }
+
+    #[test]
     fn the_first_kind_serves_most_object_poses_and_each_pose_is_served_by_one() {
         let robot = Robot::standard().unwrap();
         let object = Object::built_in("sugar_box").unwrap();
@@ -66,8 +76,9 @@ mod tests {
         println!("{served:?} of {}", place::REACH_POSES);
         assert!(all <= place::REACH_POSES && all > place::REACH_POSES * 95 / 100, "{served:?}");
         assert!(served.iter().all(|poses| *poses <= served[0]), "{served:?}");
-        // Nothing stands before the first kind.
+        // Nothing stands before the first kind but that with the arm drawn in others are preferred, where there are any.
         let first: Vec<_> = grasps.iter().filter(|grasp| grasp.kind == 0).cloned().collect();
-        assert_eq!(place::poses_served(&robot, &object, &first), served[..1]);
+        let alone = place::poses_served(&robot, &object, &first);
+        assert!(alone.len() == 1 && alone[0] >= served[0] && alone[0] <= all, "{alone:?}");
     }
 }

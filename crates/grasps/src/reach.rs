@@ -20,11 +20,21 @@ pub struct Robot {
     pub solids: RobotSolids,
     /// Posture from which inverse kinematics starts and to which it is pulled.
     pub nominal: JointVector,
+    /// Those from which it starts where the first leads nowhere, one after the other.
+    drawn_in: [JointVector; 2],
     ik: IkConfig,
 }
 
 /// Hand over the middle of the workspace, palm down, fingers forward, elbow up.
 const NOMINAL_ARM: [f64; robot::ARM] = [0.0, 1.45, 0.0, -1.8, 0.0, -1.75, 2.3];
+
+/// Elbow bent further, or lower and to the side: for what stands near, or is seized from behind.
+///
+/// Two of 400 arms drawn within 1.1 rad of the nominal one. The bleach bottle and five of its variants stood at 300 poses
+/// each: from the nominal arm alone a grasp was in reach at 88 % of them (of the worst one at 75 %), with these at 99 %
+/// (98 %).
+const DRAWN_IN_ARMS: [[f64; robot::ARM]; 2] =
+    [[0.25, 1.7, 0.5, -2.55, -0.9, -1.0, 1.55], [0.8, 0.65, -0.95, -1.0, 0.9, -0.95, 1.3]];
 
 /// Least gap (m) of the open hand and the arm from table and object.
 const CLEARANCE: f32 = 0.002;
@@ -36,7 +46,8 @@ impl Robot {
         let tree = Tree::iiwa7_allegro()?;
         let solids = RobotSolids::new(&tree);
         let nominal = robot::join(&NOMINAL_ARM, &config.robot.open);
-        Ok(Self { config, tree, solids, nominal, ik: IkConfig::precise() })
+        let drawn_in = DRAWN_IN_ARMS.map(|arm| robot::join(&arm, &config.robot.open));
+        Ok(Self { config, tree, solids, nominal, drawn_in, ik: IkConfig::precise() })
     }
 
     /// Whether the arm, from where it grasps, can bring the palm to a pose.
@@ -50,11 +61,21 @@ impl Robot {
     /// That joint's axis is the robot's vertical axis: when object and nominal posture turn about it,
     /// so does all that is planned for the object.
     pub fn nominal_towards(&self, world_from_object: &Pose) -> JointVector {
-        let [x, y] = [world_from_object.translation.x, world_from_object.translation.y];
-        let mut nominal = self.nominal;
-        nominal[0] += libm::atan2(f64::from(y), f64::from(x));
-        nominal
+        towards(world_from_object, self.nominal)
     }
+
+    /// That posture and the others from which inverse kinematics starts, in their order, turned alike.
+    fn nominals_towards(&self, world_from_object: &Pose) -> impl Iterator<Item = JointVector> {
+        let all = [self.nominal, self.drawn_in[0], self.drawn_in[1]];
+        all.map(|nominal| towards(world_from_object, nominal)).into_iter()
+    }
+}
+
+/// A posture with its first joint turned towards the object.
+fn towards(world_from_object: &Pose, mut posture: JointVector) -> JointVector {
+    let [x, y] = [world_from_object.translation.x, world_from_object.translation.y];
+    posture[0] += libm::atan2(f64::from(y), f64::from(x));
+    posture
 }
 
 /// An object that stands somewhere before the robot.
@@ -90,29 +111,46 @@ impl<'a> Setting<'a> {
 
     /// The posture of a grasp, if the arm can take it, whatever it touches.
     pub(crate) fn posture(&self, grasp: &Grasp) -> Option<Posture> {
-        let robot = self.robot;
-        let nominal = robot.nominal_towards(&self.world_from_object);
-        grasp.posture(&robot.tree, &self.world_from_object, &nominal, &robot.ik)
+        let mut nominals = self.robot.nominals_towards(&self.world_from_object);
+        nominals.find_map(|nominal| self.posture_from(&nominal, grasp))
+    }
+
+    fn posture_from(&self, nominal: &JointVector, grasp: &Grasp) -> Option<Posture> {
+        let Robot { tree, ik, .. } = self.robot;
+        grasp.posture(tree, &self.world_from_object, nominal, ik)
     }
 
     /// The posture of a grasp, if the arm can take it without touching anything.
     pub fn reach(&self, grasp: &Grasp) -> Option<Posture> {
-        let posture = self.posture(grasp)?;
+        let mut nominals = self.robot.nominals_towards(&self.world_from_object);
+        nominals.find_map(|nominal| self.reach_from(&nominal, grasp))
+    }
+
+    fn reach_from(&self, nominal: &JointVector, grasp: &Grasp) -> Option<Posture> {
+        let posture = self.posture_from(nominal, grasp)?;
         (self.clearance(&posture.open, 0.05) >= CLEARANCE).then_some(posture)
     }
 
-    /// All grasps within reach with their indices in `grasps`: kind after kind, within a kind the least
-    /// moved arm first. A kind is looked at when those before it are used up.
+    /// All grasps within reach with their indices in `grasps`, first those from the nominal posture: kind after kind,
+    /// within a kind the least moved arm first. A kind is looked at when those before it are used up.
     pub fn options<'b>(
         &'b self,
         grasps: &'b [Grasp],
     ) -> impl Iterator<Item = (usize, Posture)> + 'b {
-        let nominal = self.robot.nominal_towards(&self.world_from_object);
+        let nominals = self.robot.nominals_towards(&self.world_from_object);
+        nominals.flat_map(move |nominal| self.options_from(nominal, grasps))
+    }
+
+    fn options_from<'b>(
+        &'b self,
+        nominal: JointVector,
+        grasps: &'b [Grasp],
+    ) -> impl Iterator<Item = (usize, Posture)> + 'b {
         let moved = move |posture: &Posture| (posture.open - nominal).norm();
         let kinds: BTreeSet<usize> = grasps.iter().map(|grasp| grasp.kind).collect();
         kinds.into_iter().flat_map(move |kind| {
             let of_kind = grasps.iter().enumerate().filter(move |(_, grasp)| grasp.kind == kind);
-            let reach = |(i, grasp)| Some((i, self.reach(grasp)?));
+            let reach = |(i, grasp)| Some((i, self.reach_from(&nominal, grasp)?));
             let mut options: Vec<_> = of_kind.filter_map(reach).collect();
             options.sort_by(|a, b| moved(&a.1).total_cmp(&moved(&b.1)));
             options
