@@ -19,6 +19,9 @@ pub struct Row {
     pub state_hash: String,
     /// How the controller moved, if it came to act.
     pub motion: Option<Motion>,
+    /// How unlike what the encoder learned from the object looked ([`Attempt::unlikeness`], m), where one was asked.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub unlikeness: Option<f32>,
 }
 
 /// The result of an evaluation.
@@ -48,6 +51,15 @@ pub struct Report {
     pub rows: Vec<Row>,
 }
 
+impl Report {
+    /// The median of how unlike what the encoder learned from the object looked (m).
+    pub fn unlikeness(&self) -> Option<f32> {
+        let mut found: Vec<f32> = self.rows.iter().filter_map(|row| row.unlikeness).collect();
+        found.sort_by(f32::total_cmp);
+        found.get(found.len() / 2).copied()
+    }
+}
+
 /// Runs one attempt for each seed on all threads; none is left out. Each draws the object's pose, unless
 /// one is given for all. `observe` gets each attempt when it is over.
 pub fn evaluate(
@@ -67,8 +79,14 @@ pub fn evaluate(
                 Attempt::begin(workcell, object, name, pose, seed, controller.clone())?;
             let verdict = attempt.run(workcell);
             observe(&attempt)?;
-            let (pose, motion) = (attempt.pose(), attempt.motion());
-            Ok(Row { seed, pose, verdict, state_hash: attempt.state_hash(), motion })
+            Ok(Row {
+                seed,
+                pose: attempt.pose(),
+                verdict,
+                state_hash: attempt.state_hash(),
+                motion: attempt.motion(),
+                unlikeness: attempt.unlikeness(workcell),
+            })
         })
         .collect::<Result<Vec<_>>>()?;
     let lifted = rows.iter().filter(|row| row.verdict.is_lifted()).count();

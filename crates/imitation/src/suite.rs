@@ -64,6 +64,7 @@ pub(crate) mod samples {
             },
             state_hash: String::new(),
             motion: None,
+            unlikeness: None,
         };
         let lifted = lifts.iter().filter(|lifts| **lifts).count();
         Report {

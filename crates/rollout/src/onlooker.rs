@@ -3,7 +3,7 @@
 
 use crate::attempt::{Attempt, Phase};
 use crate::workcell::Workcell;
-use geometry::Vec3;
+use geometry::{Vec3, cloud};
 use policy::encoding::from_front;
 use robot::JointState;
 use scene::{Contact, Pull, Simulation};
@@ -20,6 +20,11 @@ impl Attempt {
         let (model, seen) = (workcell.model.as_ref()?, self.encoding.as_ref()?);
         let cloud = model.reconstruct(seen)?;
         Some(from_front(seen.bearing, &cloud))
+    }
+
+    /// How far (m) what the encoder makes of the cloud is from the cloud: little for what is like that it learned from.
+    pub fn unlikeness(&self, workcell: &Workcell) -> Option<f32> {
+        Some(cloud::apart(&self.reconstruction(workcell)?, self.cloud()))
     }
 
     /// What presses on the object.
