@@ -32,6 +32,20 @@ test("forces and what the encoder makes of the cloud are drawn", async () => {
   await page.close();
 });
 
+test("where the commands would have the hand is drawn, and how like what was learned the object looks is told", async () => {
+  const { page, complaints } = await visit(served);
+  await untilReady(page);
+  assert.ok(await page.isHidden("#report-likeness"));
+  await page.keyboard.press("j");
+  assert.ok(await page.isChecked("#layer-target"));
+  await page.click("#grasp");
+  await phase(page, "hold");
+  assert.match(await page.textContent("#report-likeness"), /^like what it learned from: the encoder is off by [345]\.\d mm$/);
+  await screenshot(page, "target");
+  assert.deepEqual(complaints, []);
+  await page.close();
+});
+
 test("an attempt at which somebody pulls does not count", async () => {
   const { page, complaints } = await visit(served);
   await untilReady(page);

@@ -7,6 +7,7 @@ mod batch;
 mod clock;
 mod fetch;
 mod history;
+mod likeness;
 mod look;
 mod protocol;
 mod stage;

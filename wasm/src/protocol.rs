@@ -274,6 +274,9 @@ pub(crate) struct Frame {
     /// Commanded positions (rad) of all joints.
     #[serde(with = "preserve")]
     pub(crate) joints: Float32Array,
+    /// Where they would have the robot's bodies: seven numbers each.
+    #[serde(with = "preserve")]
+    pub(crate) target: Float32Array,
     /// What presses on the object, six numbers each: where (m), and with what force (N).
     #[serde(with = "preserve")]
     pub(crate) contacts: Float32Array,
@@ -292,6 +295,8 @@ pub(crate) struct Cloud {
     /// What the encoder makes of it; nothing where no encoder was asked.
     #[serde(with = "preserve")]
     pub(crate) reconstruction: Float32Array,
+    /// How far that is from the cloud (mm), and what that means.
+    pub(crate) likeness: Option<String>,
 }
 
 #[derive(Serialize)]

@@ -2,6 +2,7 @@
 
 use crate::fetch::ModelFiles;
 use crate::history::{History, Picture, Terms};
+use crate::likeness;
 use crate::look;
 use crate::protocol::{
     Attempted, BuiltIn, Cloud, DepthCamera, Failure, File, Found, Frame, Joint, Link, ObjectLoaded,
@@ -13,7 +14,7 @@ use geometry::{Pose, Vec3};
 use grasps::grasp::Grasp;
 use grasps::search::{SearchConfig, search};
 use js_sys::Float32Array;
-use robot::rotation;
+use robot::{JointVector, rotation};
 use rollout::{Attempt, Controller, Demonstration, Moment, RolloutError, Workcell};
 use scene::config::{CONTROL_PERIOD, scene_hash};
 use scene::{Contact, Simulation};
@@ -244,11 +245,12 @@ impl Stage {
         };
         let points = array(attempt.cloud());
         let reconstruction = array(&attempt.reconstruction(&self.workcell).unwrap_or_default());
+        let likeness = attempt.unlikeness(&self.workcell).map(likeness::words);
         self.attempt = Some(attempt);
         self.is_told = false;
         self.history.clear();
         self.record();
-        Cloud { points, reconstruction }
+        Cloud { points, reconstruction, likeness }
     }
 
     /// Keeps how things stand.
@@ -401,6 +403,7 @@ impl Stage {
             ticks: self.history.last(),
             marks: self.history.marks(),
             joints: Float32Array::from(picture.joints.as_slice()),
+            target: Float32Array::from(self.target(&picture.joints).as_slice()),
             contacts: Float32Array::from(picture.contacts.as_slice()),
             terms: picture.terms,
             time: self.history.tick() as f64 * CONTROL_PERIOD,
@@ -410,16 +413,22 @@ impl Stage {
         }
     }
 
+    /// Where these positions (rad) of all joints have the robot's bodies, seven numbers each.
+    fn target(&self, joints: &[f32]) -> Vec<f32> {
+        let q = JointVector::from_iterator(joints.iter().map(|q| f64::from(*q)));
+        let links = self.workcell.robot.tree.kinematics(&q);
+        links.world_from_body.iter().flat_map(|pose| seven(&rotation::to_pose(pose))).collect()
+    }
+
     /// How things stand before an attempt.
     fn at_home(&self) -> Picture {
         let robot = &self.workcell.robot;
         let home = robot.config.home();
-        let links = robot.tree.kinematics(&home);
+        let joints: Vec<f32> = home.iter().map(|q| *q as f32).collect();
         let object = robot.config.upright(self.pose.x, self.pose.y, self.pose.yaw);
-        let poses = links.world_from_body.iter().map(rotation::to_pose).chain([object]);
         Picture {
-            poses: poses.flat_map(|pose| seven(&pose)).collect(),
-            joints: home.iter().map(|q| *q as f32).collect(),
+            poses: self.target(&joints).into_iter().chain(seven(&object)).collect(),
+            joints,
             contacts: Vec::new(),
             phase: Phase::Idle,
             terms: None,

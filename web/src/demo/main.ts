@@ -127,6 +127,7 @@ const layers: Record<Layer, HTMLInputElement> = {
   hulls: element("layer-hulls", HTMLInputElement),
   forces: element("layer-forces", HTMLInputElement),
   trail: element("layer-trail", HTMLInputElement),
+  target: element("layer-target", HTMLInputElement),
   sensor: element("layer-sensor", HTMLInputElement),
 };
 for (const [layer, input] of Object.entries(layers)) {
@@ -150,6 +151,8 @@ onKeys(
     h: () => layers.hulls.click(),
     f: () => layers.forces.click(),
     t: () => layers.trail.click(),
+    j: () => layers.target.click(),
+    s: () => layers.sensor.click(),
     "1": () => look("front"),
     "2": () => look("side"),
     "3": () => look("top"),
@@ -206,6 +209,7 @@ function receive(message: FromWorker): void {
       break;
     case "cloud":
       view?.showCloud(message);
+      report.showLikeness(message.likeness);
       break;
     case "progress":
       showProgress(message);

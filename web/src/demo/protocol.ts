@@ -161,6 +161,8 @@ export interface Frame {
   marks: number[];
   // Commanded positions of all joints.
   joints: Float32Array;
+  // Where they would have the robot's bodies: seven numbers each.
+  target: Float32Array;
   // What presses on the object, six numbers each: where (m), and with what force (N).
   contacts: Float32Array;
   // If they are watched.
@@ -178,6 +180,8 @@ export interface Cloud {
   points: Float32Array;
   // What the encoder makes of it; nothing where no encoder was asked.
   reconstruction: Float32Array;
+  // How far that is from the cloud, and what that means.
+  likeness: string | null;
 }
 
 export interface Progress {

@@ -9,6 +9,7 @@ export class ReportCard {
   readonly #mass = element("report-mass", HTMLElement);
   readonly #mesh = element("report-mesh", HTMLElement);
   readonly #fits = element("report-fits", HTMLElement);
+  readonly #likeness = element("report-likeness", HTMLElement);
   readonly #file = element("report-file", HTMLElement);
   readonly #reason = element("report-reason", HTMLElement);
   readonly #notes = element("report-notes", HTMLElement);
@@ -46,7 +47,14 @@ export class ReportCard {
     return this.#told;
   }
 
+  // What the encoder makes of it is known once it was looked at, where one was asked.
+  showLikeness(words: string | null): void {
+    this.#likeness.textContent = words;
+    if (this.#likeness.parentElement) this.#likeness.parentElement.hidden = words === null;
+  }
+
   show(report: Report): void {
+    this.showLikeness(null);
     this.#box.hidden = false;
     this.#size.textContent = `${report.extentCm.map((side) => side.toFixed(1)).join(" × ")} cm`;
     this.#mass.textContent = massInWords(report.massKg);

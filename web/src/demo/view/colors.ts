@@ -11,6 +11,7 @@ export interface Colors {
   cloud: Color;
   reconstruction: Color;
   force: Color;
+  target: Color;
   ink: Color;
   sky: Color;
   // How strong lights and shadows are.
@@ -31,6 +32,7 @@ export function readColors(): Colors {
     cloud: color("--scene-cloud"),
     reconstruction: color("--scene-reconstruction"),
     force: color("--scene-force"),
+    target: color("--scene-target"),
     ink: color("--ink"),
     sky: color("--scene-sky"),
     light: Number(value("--scene-light")),

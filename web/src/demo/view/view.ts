@@ -8,13 +8,14 @@ import { Cloud, Sensor } from "./cloud";
 import { type Colors, onColorsChange, readColors } from "./colors";
 import { dragObject } from "./drag";
 import { Forces } from "./forces";
+import { Ghost } from "./ghost";
 import { Motion } from "./motion";
 import { Sharpness } from "./sharpness";
 import { Spring } from "./spring";
 import { Studio } from "./studio";
 import { Trail } from "./trail";
 
-export type Layer = "cloud" | "reconstruction" | "hulls" | "forces" | "trail" | "sensor";
+export type Layer = "cloud" | "reconstruction" | "hulls" | "forces" | "trail" | "target" | "sensor";
 
 // While the hand has to do with the object.
 const ACTS: Phase[] = ["policy", "lift", "hold"];
@@ -45,6 +46,7 @@ export class View {
   readonly #forces = new Forces();
   readonly #trail = new Trail();
   readonly #spring = new Spring();
+  readonly #ghost = new Ghost();
   readonly #motion = new Motion();
   readonly #sharpness = new Sharpness();
   #studio: Studio | null = null;
@@ -67,7 +69,7 @@ export class View {
     this.#viewpoint = new Viewpoint(canvas, () => this.#wake());
     this.#reconstruction.points.visible = false;
     const lines = [this.#forces.lines, this.#trail.line, this.#spring.line];
-    this.#scene.add(this.#thing.group, this.#cloud.points, this.#reconstruction.points, ...lines);
+    this.#scene.add(this.#thing.group, this.#cloud.points, this.#reconstruction.points, this.#ghost.group, ...lines);
     this.#thing.group.visible = false;
 
     new ResizeObserver(() => this.#resize()).observe(canvas);
@@ -91,6 +93,7 @@ export class View {
     const isFirst = this.#studio === null;
 
     this.#robot = robotBodies(ready.links);
+    this.#ghost.show(ready.links);
     this.#studio = new Studio(ready.table, ready.workspace, this.#isPlain);
     this.#sensor = new Sensor(ready.camera);
     this.#viewpoint.scene = ready;
@@ -125,6 +128,7 @@ export class View {
     else this.#motion.jumpTo(frame.poses, now);
     const isMemory = frame.phase !== "idle" && frame.phase !== "approach" && frame.phase !== "policy";
     for (const cloud of [this.#cloud, this.#reconstruction]) cloud.fade(isMemory);
+    this.#ghost.follow(frame, now);
     this.#forces.show(frame.contacts);
     this.#trail.show(frame);
     this.#frame = frame;
@@ -139,6 +143,7 @@ export class View {
     if (layer === "forces") this.#forces.lines.visible = on;
     if (layer === "hulls") this.#thing.showHulls(on);
     if (layer === "trail") this.#trail.line.visible = on;
+    if (layer === "target") this.#ghost.group.visible = on;
     if (layer === "sensor") this.#showsSensor = on;
     this.#wake();
   }
@@ -192,7 +197,7 @@ export class View {
   #paint(): void {
     const colors: Colors = readColors();
     this.#scene.background = colors.ground;
-    const painted = [this.#studio, this.#sensor, this.#thing, this.#cloud, this.#forces, this.#trail, this.#spring];
+    const painted = [this.#studio, this.#sensor, this.#thing, this.#cloud, this.#forces, this.#trail, this.#spring, this.#ghost];
     for (const one of painted) one?.paint(colors);
     this.#reconstruction.paint({ ...colors, cloud: colors.reconstruction });
     this.#wake();
@@ -229,6 +234,7 @@ export class View {
     const ratio = share * Math.min(devicePixelRatio, 2);
     if (ratio !== this.#renderer.getPixelRatio()) this.#renderer.setPixelRatio(ratio);
     const isMoving = this.#motion.apply([...this.#robot, this.#thing.group], now);
+    const isGhostMoving = this.#ghost.apply(now);
     this.#spring.follow(this.#thing.group);
     const isTurning = this.#viewpoint.update(now);
     this.#events.moved(this.#viewpoint.stand());
@@ -236,7 +242,7 @@ export class View {
     this.#studio?.castShadows(share >= 1);
     this.#renderer.render(this.#scene, this.#viewpoint.camera);
     this.#canvas.dataset["drawn"] = String(this.#robot.length);
-    if (isMoving || isTurning) this.#wake();
+    if (isMoving || isGhostMoving || isTurning) this.#wake();
     clearTimeout(this.#rest);
     // Twice as many pixels do for smoothed edges.
     const finest = this.#isPlain ? 2 : 1;
