@@ -27,12 +27,12 @@ fn a_grasp_has_neighbouring_postures_for_neighbouring_poses() {
             let [x, y, yaw] = random_pose(&robot, &mut rng);
             let at = |x, y, yaw| anywhere.elsewhere(&robot.config.upright(x, y, yaw));
             let here = at(x, y, yaw);
-            let Some((grasp, posture)) = here.options(&grasps).next() else {
+            let Some((way, posture)) = here.options(&grasps).next() else {
                 out_of_reach += 1;
                 continue;
             };
             for beside in [at(x + 0.02, y, yaw), at(x, y + 0.02, yaw), at(x, y, yaw + 0.1)] {
-                let other = beside.reach(&grasps[grasp]);
+                let other = beside.reach_by(way, &grasps);
                 jumps.extend(other.map(|other| (other.touch - posture.touch).amax()));
             }
         }
@@ -40,7 +40,7 @@ fn a_grasp_has_neighbouring_postures_for_neighbouring_poses() {
         let (median, greatest) = (jumps[jumps.len() / 2], jumps[jumps.len() - 1]);
         println!("{name}: {} pairs, median {median:.3} rad, greatest {greatest:.3}", jumps.len());
         // The bottle is grasped low, where it bears most; the arm gets there nearly everywhere.
-        assert!(out_of_reach < 20, "{name}: {out_of_reach} of 300 poses are out of reach");
+        assert!(out_of_reach < 6, "{name}: {out_of_reach} of 300 poses are out of reach");
         assert!(greatest < 0.6, "{name}: a joint jumps by {greatest} rad");
         assert!(median < 0.1, "{name}: postures differ by {median} rad");
     }

@@ -7,7 +7,7 @@ use anyhow::{Context, Result, ensure};
 use geometry::object::Object;
 use grasps::demonstration::{self, Demonstration, TrajectoryConfig};
 use grasps::trial::{Endurance, Physics, TrialOutcome};
-use grasps::{Grasp, Posture, Setting};
+use grasps::{Grasp, Posture, Setting, Way};
 use rand::{Rng, RngExt};
 use rand_chacha::ChaCha8Rng;
 use robot::{JointState, integrator};
@@ -52,30 +52,30 @@ pub(crate) struct Post<'a> {
 
 impl Post<'_> {
     /// Adds the attempts with the first grasp that works, and what went before, to `part`; then, if the configuration
-    /// says so, those with the grasps that come first beside the pose.
+    /// says so, those by the ways that come first beside the pose.
     pub(crate) fn demonstrate(&self, part: &mut Part) -> Result<()> {
         part.offsets.push(0);
         let mut tried = BTreeSet::new();
-        for (grasp, posture) in self.setting.options(self.grasps) {
-            tried.insert(grasp);
-            if self.try_posture(grasp, &posture, part)? > 0 {
-                part.jump = self.jump(grasp, &posture);
+        for (way, posture) in self.setting.options(self.grasps) {
+            tried.insert(way);
+            if self.try_posture(way.grasp, &posture, part)? > 0 {
+                part.jump = self.jump(way, &posture);
                 break;
             }
         }
         if self.config.overlap {
-            let beside: BTreeSet<usize> = self.first_beside().collect();
-            for &grasp in beside.difference(&tried) {
-                if let Some(posture) = self.setting.reach(&self.grasps[grasp]) {
-                    self.try_posture(grasp, &posture, part)?;
+            let beside: BTreeSet<Way> = self.first_beside().collect();
+            for &way in beside.difference(&tried) {
+                if let Some(posture) = self.setting.reach_by(way, self.grasps) {
+                    self.try_posture(way.grasp, &posture, part)?;
                 }
             }
         }
         Ok(())
     }
 
-    /// The grasps that come first at the poses beside this one.
-    fn first_beside(&self) -> impl Iterator<Item = usize> {
+    /// The ways that come first at the poses beside this one.
+    fn first_beside(&self) -> impl Iterator<Item = Way> {
         let ([x, y, yaw], config) = (self.pose, &self.setting.robot.config);
         let [shift, turn] = [OVERLAP_SHIFT, OVERLAP_TURN];
         [[shift, 0.0, 0.0], [0.0, shift, 0.0], [0.0, 0.0, turn]]
@@ -83,7 +83,7 @@ impl Post<'_> {
             .flat_map(|step| [1.0, -1.0].map(|sign| step.map(|along: f32| sign * along)))
             .filter_map(move |[dx, dy, dyaw]| {
                 let beside = self.setting.elsewhere(&config.upright(x + dx, y + dy, yaw + dyaw));
-                beside.options(self.grasps).next().map(|(grasp, _)| grasp)
+                beside.options(self.grasps).next().map(|(way, _)| way)
             })
     }
 
@@ -170,12 +170,12 @@ impl Post<'_> {
     }
 
     /// Greatest difference (rad) of a joint between this posture and that for the object a little beside.
-    fn jump(&self, grasp: usize, posture: &Posture) -> f32 {
+    fn jump(&self, way: Way, posture: &Posture) -> f32 {
         let [x, y, yaw] = self.pose;
         let config = &self.setting.robot.config;
         let beside = [[x + 0.02, y, yaw], [x, y + 0.02, yaw], [x, y, yaw + 0.1]];
         let postures = beside.iter().filter_map(|&[x, y, yaw]| {
-            self.setting.elsewhere(&config.upright(x, y, yaw)).reach(&self.grasps[grasp])
+            self.setting.elsewhere(&config.upright(x, y, yaw)).reach_by(way, self.grasps)
         });
         postures.map(|other| (other.touch - posture.touch).amax() as f32).fold(0.0, f32::max)
     }
@@ -261,8 +261,8 @@ mod tests {
                 index: step,
                 rng: &|_, _| ChaCha8Rng::from_seed([0; 32]),
             };
-            let first = post.setting.options(&grasps).next().map(|(grasp, _)| grasp);
-            (first, post.first_beside().collect::<BTreeSet<usize>>())
+            let first = post.setting.options(&grasps).next().map(|(way, _)| way);
+            (first, post.first_beside().collect::<BTreeSet<Way>>())
         };
         let found: Vec<_> = (0..21).map(at).collect();
         let firsts: BTreeSet<_> = found.iter().filter_map(|(first, _)| *first).collect();

@@ -21,4 +21,4 @@ pub mod transfer;
 pub mod trial;
 
 pub use grasp::{Grasp, Posture};
-pub use reach::{Robot, Setting};
+pub use reach::{Robot, Setting, Way};

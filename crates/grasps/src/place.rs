@@ -32,7 +32,7 @@ pub fn poses_served(robot: &Robot, object: &Object, grasps: &[Grasp]) -> Vec<usi
     let anywhere = Setting::anywhere(robot, object);
     for pose in reach_poses(robot) {
         if let Some((first, _)) = anywhere.elsewhere(&pose).options(grasps).next() {
-            served[grasps[first].kind] += 1;
+            served[grasps[first.grasp].kind] += 1;
         }
     }
     served

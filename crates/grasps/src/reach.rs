@@ -78,6 +78,15 @@ fn towards(world_from_object: &Pose, mut posture: JointVector) -> JointVector {
     posture
 }
 
+/// How a grasp is come by: postures of one way are neighbours where the object's poses are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Way {
+    /// Index of the arm's posture from which inverse kinematics starts; the nominal one is 0.
+    pub arm: usize,
+    /// Index of the grasp in its set.
+    pub grasp: usize,
+}
+
 /// An object that stands somewhere before the robot.
 pub struct Setting<'a> {
     /// The robot.
@@ -131,14 +140,20 @@ impl<'a> Setting<'a> {
         (self.clearance(&posture.open, 0.05) >= CLEARANCE).then_some(posture)
     }
 
-    /// All grasps within reach with their indices in `grasps`, first those from the nominal posture: kind after kind,
-    /// within a kind the least moved arm first. A kind is looked at when those before it are used up.
-    pub fn options<'b>(
-        &'b self,
-        grasps: &'b [Grasp],
-    ) -> impl Iterator<Item = (usize, Posture)> + 'b {
-        let nominals = self.robot.nominals_towards(&self.world_from_object);
-        nominals.flat_map(move |nominal| self.options_from(nominal, grasps))
+    /// The posture of a grasp by one way, if the arm can take it without touching anything.
+    pub fn reach_by(&self, way: Way, grasps: &[Grasp]) -> Option<Posture> {
+        let nominal = self.robot.nominals_towards(&self.world_from_object).nth(way.arm)?;
+        self.reach_from(&nominal, grasps.get(way.grasp)?)
+    }
+
+    /// All grasps within reach, first those from the nominal posture: kind after kind, within a kind the least moved arm
+    /// first. A kind is looked at when those before it are used up.
+    pub fn options<'b>(&'b self, grasps: &'b [Grasp]) -> impl Iterator<Item = (Way, Posture)> + 'b {
+        let nominals = self.robot.nominals_towards(&self.world_from_object).enumerate();
+        nominals.flat_map(move |(arm, nominal)| {
+            let way = move |(grasp, posture)| (Way { arm, grasp }, posture);
+            self.options_from(nominal, grasps).map(way)
+        })
     }
 
     fn options_from<'b>(
