@@ -42,7 +42,7 @@ fn replay(name: &str) {
         let mut rng = ChaCha8Rng::seed_from_u64(index as u64);
         index += 1;
         let setting = Setting::new(&robot, &object, &place);
-        let Some((grasp, posture)) = setting.options(&grasps).next() else {
+        let Some((way, posture)) = setting.options(&grasps).next() else {
             out_of_reach += 1;
             continue;
         };
@@ -67,7 +67,7 @@ fn replay(name: &str) {
                 }
             }
         }
-        by_pose.push(format!("({x:.2}, {y:.2}, {yaw:.2}) grasp {grasp}: {here} of {found}"));
+        by_pose.push(format!("({x:.2}, {y:.2}, {yaw:.2}) {way:?}: {here} of {found}"));
         lifted += here;
         replayed += found;
     }
