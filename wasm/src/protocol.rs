@@ -295,7 +295,7 @@ pub(crate) struct Cloud {
     /// What the encoder makes of it; nothing where no encoder was asked.
     #[serde(with = "preserve")]
     pub(crate) reconstruction: Float32Array,
-    /// How far that is from the cloud (mm), and what that means.
+    /// How far that is from the cloud, and what that means, in words; none where no encoder was asked.
     pub(crate) likeness: Option<String>,
 }
 

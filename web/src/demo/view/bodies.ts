@@ -10,22 +10,17 @@ import {
   MeshStandardMaterial,
   type Object3D,
 } from "three";
-import type { Link, ObjectLoaded, Shape } from "../protocol";
+import type { Link, ObjectLoaded } from "../protocol";
 import type { Colors } from "./colors";
 import { geometryOf } from "./shape";
 
 // The robot: a group per body, in the order of their poses.
 export function robotBodies(links: readonly Link[]): Group[] {
-  return grouped(links, (shape, color) => {
-    const material = new MeshStandardMaterial({ color, roughness: 0.48, metalness: 0.05 });
-    return shadowed(new Mesh(geometryOf(shape), material));
-  });
-}
-
-// A mesh of each part, in a group per body.
-export function grouped(links: readonly Link[], mesh: (shape: Shape, color: string) => Mesh): Group[] {
   const bodies: Group[] = [];
-  for (const { body, color, shape } of links) (bodies[body] ??= new Group()).add(mesh(shape, color));
+  for (const { body, color, shape } of links) {
+    const material = new MeshStandardMaterial({ color, roughness: 0.48, metalness: 0.05 });
+    (bodies[body] ??= new Group()).add(shadowed(new Mesh(geometryOf(shape), material)));
+  }
   // A body that nothing is drawn of still has a pose.
   return Array.from(bodies, (body) => body ?? new Group());
 }

@@ -2,11 +2,9 @@
 // commanded to be inside, and press.
 
 import { Group, Mesh, MeshBasicMaterial } from "three";
-import type { Frame, Link } from "../protocol";
-import { clear, grouped } from "./bodies";
+import type { Frame } from "../protocol";
 import type { Colors } from "./colors";
 import { Motion } from "./motion";
-import { geometryOf } from "./shape";
 
 export class Ghost {
   readonly group = new Group();
@@ -18,10 +16,13 @@ export class Ghost {
     this.group.visible = false;
   }
 
-  // The robot's own parts.
-  show(links: readonly Link[]): void {
-    this.#bodies.forEach(clear);
-    this.#bodies = grouped(links, (shape) => new Mesh(geometryOf(shape), this.#skin));
+  // The robot's own parts: their surfaces are shared.
+  show(robot: readonly Group[]): void {
+    this.#bodies = robot.map((body) => body.clone());
+    for (const part of this.#bodies.flatMap((body) => body.children)) {
+      part.castShadow = part.receiveShadow = false;
+      if (part instanceof Mesh) part.material = this.#skin;
+    }
     this.group.clear();
     this.group.add(...this.#bodies);
   }

@@ -93,7 +93,7 @@ export class View {
     const isFirst = this.#studio === null;
 
     this.#robot = robotBodies(ready.links);
-    this.#ghost.show(ready.links);
+    this.#ghost.show(this.#robot);
     this.#studio = new Studio(ready.table, ready.workspace, this.#isPlain);
     this.#sensor = new Sensor(ready.camera);
     this.#viewpoint.scene = ready;
