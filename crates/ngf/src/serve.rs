@@ -110,14 +110,14 @@ async fn serve(options: &Options) -> anyhow::Result<()> {
         format!("cannot listen on {wanted}; if it is in use, choose another with --port")
     })?;
     let address = format!("http://{}", listener.local_addr()?);
+    let (stopping, mut stopped) = tokio::sync::watch::channel(false);
+    let engine = engine(options).await?;
+    // Only now: the folder is this server's own, and whoever reads the address may rely on it.
     println!("{address}");
     std::io::stdout().flush()?;
     if options.open {
         open(&address);
     }
-
-    let (stopping, mut stopped) = tokio::sync::watch::channel(false);
-    let engine = engine(options).await?;
     let limits = Limits {
         changes_per_second: options.rate,
         kept_mesh_bytes: options.meshes.saturating_mul(GB),
