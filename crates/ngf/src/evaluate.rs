@@ -4,9 +4,13 @@ use crate::bar::Bar;
 use crate::card;
 use crate::objects::ObjectOptions;
 use anyhow::{Context, Result, bail};
+use dataset::generate::built_in_object;
 use dataset::store;
+use geometry::catalog::{CATALOG, Entry};
+use geometry::object::Object;
 use imitation::evaluation::{self, Report};
 use rollout::{Controller, Workcell};
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -18,7 +22,11 @@ pub(crate) struct Options {
     model: String,
     #[command(flatten)]
     object: ObjectOptions,
-    /// Attempts.
+    /// Every built-in object of these families instead of one object, with their sums.
+    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+    #[arg(conflicts_with_all = ["object", "mesh", "friction"])]
+    family: Vec<String>,
+    /// Attempts with each object.
     #[arg(long, default_value_t = 100)]
     attempts: usize,
     /// Seed of the first attempt.
@@ -38,60 +46,119 @@ pub(crate) struct Options {
     controls: bool,
 }
 
-/// Evaluates and prints one line for each controller.
+/// Evaluates and prints one line for each controller, and for families their sums.
 pub(crate) fn run(options: &Options) -> Result<()> {
-    let (name, object) = options.object.load()?;
+    let objects = objects(options)?;
     let mut workcell = Workcell::new()?;
-    let mut runs = Vec::new();
-    let mut model_hash = None;
-    if options.model == "planner" {
-        runs.push((Controller::Planner, object.clone(), "planner".to_owned()));
-    } else {
-        model_hash = Some(load(&mut workcell, &options.model)?);
-        runs.push((Controller::Policy, object.clone(), "policy".to_owned()));
+    let model_hash = match options.model.as_str() {
+        "planner" => None,
+        model => Some(load(&mut workcell, model)?),
+    };
+    let pose = pose(options)?;
+    let most = u64::MAX - options.attempts as u64;
+    if options.seed > most {
+        bail!("--seed may be at most {most} for {} attempts", options.attempts);
     }
-    if options.controls {
-        let slippery = object.clone().with_friction(0.0);
-        if options.model != "planner" {
-            runs.push((Controller::Script, object.clone(), "no policy".to_owned()));
-            runs.push((Controller::ShuffledLatent, object.clone(), "shuffled z".to_owned()));
-            runs.push((Controller::ZeroLatent, object.clone(), "zero z".to_owned()));
+    let seeds = options.seed..options.seed + options.attempts as u64;
+    let mut reports = Vec::new();
+    for (name, object) in &objects {
+        for (label, controller, object) in contestants(options, object) {
+            let (bar, done) = (Bar::new(&label, options.attempts), AtomicUsize::new(0));
+            let advance = |_: &rollout::Attempt| {
+                bar.set(1 + done.fetch_add(1, Ordering::Relaxed));
+                Ok(())
+            };
+            let seeds = seeds.clone();
+            let mut report =
+                evaluation::evaluate(&workcell, &object, name, &controller, pose, seeds, &advance)?;
+            bar.clear();
+            report.policy = label;
+            report.model_hash.clone_from(&model_hash);
+            print(&report);
+            reports.push(report);
         }
-        let label = format!("{}, friction 0", runs[0].2);
-        runs.push((runs[0].0.clone(), slippery, label));
     }
-    let pose = match options.pose.as_deref() {
+    print_sums(options, &reports);
+    if let Some(path) = &options.json {
+        store::write(path, &serde_json::to_vec_pretty(&reports)?)?;
+    }
+    options.card.as_ref().map_or(Ok(()), |path| card::update(path, &reports))
+}
+
+/// Objects that are attempted, with their names.
+fn objects(options: &Options) -> Result<Vec<(String, Object)>> {
+    if options.family.is_empty() {
+        return Ok(vec![options.object.load()?]);
+    }
+    let families: BTreeSet<&str> = CATALOG.iter().map(|entry| entry.family).collect();
+    if let Some(unknown) = options.family.iter().find(|name| !families.contains(name.as_str())) {
+        let families: Vec<&str> = families.into_iter().collect();
+        bail!("there is no family {unknown}; there are {}", families.join(", "));
+    }
+    let load = |entry: &Entry| Ok((entry.name.to_owned(), built_in_object(entry.name)?));
+    let named = options.family.iter().flat_map(|family| of_family(family));
+    named.map(load).collect()
+}
+
+/// The built-in objects of a family.
+fn of_family(family: &str) -> impl Iterator<Item = &'static Entry> {
+    CATALOG.iter().filter(move |entry| entry.family == family)
+}
+
+/// Who acts on an object: name, controller, and the object as it is for it.
+fn contestants(options: &Options, object: &Object) -> Vec<(String, Controller, Object)> {
+    let (label, controller) = match options.model.as_str() {
+        "planner" => ("planner", Controller::Planner),
+        _ => ("policy", Controller::Policy),
+    };
+    let mut all = vec![(label.to_owned(), controller.clone(), object.clone())];
+    if options.controls {
+        if options.model != "planner" {
+            let other = |label: &str, controller| (label.to_owned(), controller, object.clone());
+            all.push(other("no policy", Controller::Script));
+            all.push(other("shuffled z", Controller::ShuffledLatent));
+            all.push(other("zero z", Controller::ZeroLatent));
+        }
+        let slippery = object.clone().with_friction(0.0);
+        all.push((format!("{label}, friction 0"), controller, slippery));
+    }
+    all
+}
+
+/// Pose of the object for all attempts, if one is given.
+fn pose(options: &Options) -> Result<Option<[f32; 3]>> {
+    Ok(match options.pose.as_deref() {
         Some(&[x, y, yaw]) if [x, y, yaw].iter().all(|number| number.is_finite()) => {
             Some([x, y, yaw])
         }
         Some(&[_, _, _]) => bail!("--pose takes finite numbers"),
         Some(other) => bail!("--pose takes x,y,yaw, found {} numbers", other.len()),
         None => None,
+    })
+}
+
+/// For each controller the sum of each family, and that of all of them.
+fn print_sums(options: &Options, reports: &[Report]) {
+    let labels: BTreeSet<&str> = reports.iter().map(|report| report.policy.as_str()).collect();
+    let sum = |label: &str, of: &str, is_in: &dyn Fn(&str) -> bool| {
+        let counted = reports.iter().filter(|r| r.policy == label && is_in(&r.object));
+        let (lifted, attempts) =
+            counted.fold((0, 0), |(l, n), report| (l + report.lifted, n + report.attempts));
+        let [low, high] = rollout::wilson95(lifted, attempts).map(|x| 100.0 * x);
+        println!(
+            "{label:18} {of:14} {lifted:3} of {attempts:3} lifted, \
+             95 % interval {low:.0}..{high:.0} %"
+        );
     };
-    let most = u64::MAX - options.attempts as u64;
-    if options.seed > most {
-        bail!("--seed may be at most {most} for {} attempts", options.attempts);
+    for label in labels {
+        for family in &options.family {
+            let is_in = |name: &str| of_family(family).any(|entry| entry.name == name);
+            sum(label, family, &is_in);
+        }
+        if options.family.len() > 1 {
+            sum(label, "all", &|_| true);
+        }
     }
-    let mut reports = Vec::new();
-    for (controller, object, label) in runs {
-        let (bar, done) = (Bar::new(&label, options.attempts), AtomicUsize::new(0));
-        let seeds = options.seed..options.seed + options.attempts as u64;
-        let advance = |_: &rollout::Attempt| {
-            bar.set(1 + done.fetch_add(1, Ordering::Relaxed));
-            Ok(())
-        };
-        let mut report =
-            evaluation::evaluate(&workcell, &object, &name, &controller, pose, seeds, &advance)?;
-        bar.clear();
-        report.policy = label;
-        report.model_hash.clone_from(&model_hash);
-        print(&report);
-        reports.push(report);
-    }
-    if let Some(path) = &options.json {
-        store::write(path, &serde_json::to_vec_pretty(&reports)?)?;
-    }
-    options.card.as_ref().map_or(Ok(()), |path| card::update(path, &reports))
 }
 
 pub(crate) fn print(report: &Report) {
