@@ -113,7 +113,7 @@ fn free_motion_is_tracked_before_contact() {
         above[i] = 0.5 * (home[i] + posture.squeeze[i]);
     }
     let mut worst = 0.0f64;
-    for next in rollout::approach::spline(&home, &above, &tree.limits) {
+    for next in robot::spline::quintic(&home, &above, &tree.limits, CONTROL_PERIOD) {
         scene.follow(&state, &next);
         state = next;
         worst = worst.max((scene.joint_positions() - state.q).amax());

@@ -12,7 +12,7 @@ const ONE_SIDED: f64 = 0.7;
 
 /// The least that a kind adds to the share of attempts that lift: each is one more thing to learn, and to mistake for
 /// another.
-const LEAST_GAIN: f64 = 0.004;
+const LEAST_GAIN: f64 = 0.02;
 
 /// A grasp and its other side, if there is one.
 #[derive(Clone, Debug)]

@@ -9,7 +9,7 @@ use fabrics::terms::repulsion::Obstacle;
 use fabrics::{Fabric, FabricConfig, Goal};
 use geometry::{Pose, Vec3};
 use rand::{Rng, RngExt};
-use robot::{Isometry, JointState, JointVector, Vector, integrator, rotation};
+use robot::{Isometry, JointState, JointVector, Vector, integrator, rotation, spline};
 use scene::SceneError;
 use scene::config::{CONTROL_PERIOD, TargetBox};
 
@@ -71,6 +71,8 @@ pub struct TrajectoryConfig {
     pub least_distance: f64,
     /// Deepest penetration (m) allowed before `touch`.
     pub penetration: f32,
+    /// Least gap (m) of the spline from home to where the motion begins.
+    pub berth: f32,
     /// Rows from `touch` to `squeeze`, a third of a second.
     pub closing_rows: usize,
     /// Rows of the hold: 0.5 s.
@@ -92,6 +94,7 @@ impl TrajectoryConfig {
             retreat: 0.08,
             least_distance: 0.08,
             penetration: 0.001,
+            berth: 0.015,
             closing_rows: 10,
             hold_rows: 15,
             rest_speed: 0.1,
@@ -108,7 +111,7 @@ pub enum Flaw {
     Planner,
     /// It stopped too close to the grasp.
     Short,
-    /// It went through object or table.
+    /// It went through object or table, or what leads to its beginning from the robot's home comes too near them.
     Penetrates,
 }
 
@@ -184,6 +187,13 @@ fn checked(
     }
     let mut demonstration = reverse(leaving, config.rest_speed);
     demonstration.clearance = clearance;
+    // A policy begins here, too, and what it is led through on its way is pushed aside.
+    let (home, begin) = (setting.robot.config.home(), demonstration.states[0].q);
+    let approach = spline::quintic(&home, &begin, &tree.limits, CONTROL_PERIOD);
+    let is_free = |state: &JointState| setting.clearance(&state.q, config.berth) >= config.berth;
+    if !approach.iter().step_by(2).all(is_free) {
+        return Err(Flaw::Penetrates);
+    }
     let rest = [JointVector::zeros()];
     let closing = trial::straight(&posture.touch, &posture.squeeze, config.closing_rows);
     for qdd in closing.iter().chain(rest.iter().cycle().take(config.hold_rows)) {
@@ -356,6 +366,35 @@ impl Demonstration {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::built_in::built_in;
+    use geometry::object::Object;
+    use rand::SeedableRng;
+    use rand_chacha::ChaCha8Rng;
+
+    #[test]
+    fn the_way_from_home_to_where_it_begins_is_free() {
+        let robot = Robot::standard().unwrap();
+        let object = Object::built_in("bleach").unwrap();
+        let setting = Setting::new(&robot, &object, &robot.config.upright(0.5, 0.1, 0.4));
+        let grasps = built_in("bleach").unwrap().grasps;
+        let (_, posture) = setting.options(&grasps).next().unwrap();
+        let palm = robot.tree.kinematics(&posture.touch).palm();
+        let (region, place) = (&robot.config.target, &setting.world_from_object);
+        let mut rng = ChaCha8Rng::seed_from_u64(3);
+        let target = draw_target(region, &object.bounds, place, &palm, &mut rng);
+
+        let config = TrajectoryConfig::standard();
+        let found = demonstrate(&setting, &posture, &target, &config).unwrap();
+        let (home, begin) = (robot.config.home(), found.states[0].q);
+        let approach = spline::quintic(&home, &begin, &robot.tree.limits, CONTROL_PERIOD);
+        let gaps = approach.iter().map(|state| setting.clearance(&state.q, 0.2));
+        let least = gaps.fold(0.2, f32::min);
+        assert!(least > config.berth - 0.002, "{least}");
+
+        let wider = TrajectoryConfig { berth: least + 0.01, restarts: 0, ..config };
+        let refused = demonstrate(&setting, &posture, &target, &wider);
+        assert_eq!(refused.err(), Some(Flaw::Penetrates));
+    }
 
     #[test]
     fn a_reversed_motion_satisfies_eq6_and_eq7() {

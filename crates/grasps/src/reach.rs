@@ -146,30 +146,32 @@ impl<'a> Setting<'a> {
         self.reach_from(&nominal, grasps.get(way.grasp)?)
     }
 
-    /// All grasps within reach, first those from the nominal posture: kind after kind, within a kind the least moved arm
-    /// first. A kind is looked at when those before it are used up.
+    /// All grasps within reach, kind after kind; of a kind first those from the nominal posture, of these the one that moves
+    /// the arm the least. What the first one makes needless is not looked at.
     pub fn options<'b>(&'b self, grasps: &'b [Grasp]) -> impl Iterator<Item = (Way, Posture)> + 'b {
-        let nominals = self.robot.nominals_towards(&self.world_from_object).enumerate();
-        nominals.flat_map(move |(arm, nominal)| {
-            let way = move |(grasp, posture)| (Way { arm, grasp }, posture);
-            self.options_from(nominal, grasps).map(way)
+        let kinds: BTreeSet<usize> = grasps.iter().map(|grasp| grasp.kind).collect();
+        kinds.into_iter().flat_map(move |kind| {
+            let nominals = self.robot.nominals_towards(&self.world_from_object).enumerate();
+            nominals.flat_map(move |(arm, nominal)| {
+                let way = move |(grasp, posture)| (Way { arm, grasp }, posture);
+                self.of_kind(kind, nominal, grasps).into_iter().map(way)
+            })
         })
     }
 
-    fn options_from<'b>(
-        &'b self,
+    /// The grasps of a kind within reach from a nominal posture, the least moved arm first.
+    fn of_kind(
+        &self,
+        kind: usize,
         nominal: JointVector,
-        grasps: &'b [Grasp],
-    ) -> impl Iterator<Item = (usize, Posture)> + 'b {
-        let moved = move |posture: &Posture| (posture.open - nominal).norm();
-        let kinds: BTreeSet<usize> = grasps.iter().map(|grasp| grasp.kind).collect();
-        kinds.into_iter().flat_map(move |kind| {
-            let of_kind = grasps.iter().enumerate().filter(move |(_, grasp)| grasp.kind == kind);
-            let reach = |(i, grasp)| Some((i, self.reach_from(&nominal, grasp)?));
-            let mut options: Vec<_> = of_kind.filter_map(reach).collect();
-            options.sort_by(|a, b| moved(&a.1).total_cmp(&moved(&b.1)));
-            options
-        })
+        grasps: &[Grasp],
+    ) -> Vec<(usize, Posture)> {
+        let moved = |posture: &Posture| (posture.open - nominal).norm();
+        let of_kind = grasps.iter().enumerate().filter(|(_, grasp)| grasp.kind == kind);
+        let reach = |(i, grasp)| Some((i, self.reach_from(&nominal, grasp)?));
+        let mut options: Vec<_> = of_kind.filter_map(reach).collect();
+        options.sort_by(|a, b| moved(&a.1).total_cmp(&moved(&b.1)));
+        options
     }
 
     /// Least gap (m) of the robot in `q` from table and object; `reach` where it is wider.

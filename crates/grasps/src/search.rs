@@ -121,6 +121,12 @@ pub struct GraspSet {
 }
 
 impl GraspSet {
+    /// Whether the grasps were chosen among those of earlier searches, by how they bear a hand beside its place
+    /// ([`crate::tolerance`]).
+    pub(crate) fn is_chosen(&self) -> bool {
+        self.proposed == 0
+    }
+
     /// These grasps, and those of another set after them, as more kinds; counts of both.
     pub fn followed_by(mut self, later: Self) -> Self {
         let kinds = self.grasps.last().map_or(0, |last| last.kind + 1);

@@ -39,8 +39,10 @@ const APPROACHES: usize = 2;
 /// A hold as long as an attempt's.
 const HELD: Endurance = Endurance { is_shaken: false, ..Endurance::FULL };
 
-/// A grasp counts as a center from this share on; so many are taken, so far apart (m, by [`cluster::distance`]).
-const GOOD: f64 = 0.66;
+/// The share of its trials that a good grasp lifts.
+pub(crate) const GOOD: f64 = 0.66;
+
+/// So many of the good ones are centers, so far apart (m, by [`cluster::distance`]).
 const CENTERS: usize = 12;
 const APART: f64 = 0.03;
 
@@ -83,6 +85,16 @@ pub fn served(robot: &Robot, object: &Object, grasp: &Grasp) -> Result<Vec<bool>
         Ok(rises && is_approached(&setting, &posture))
     };
     reach_poses(robot).iter().map(serves).collect()
+}
+
+/// Whether a motion into a grasp is found where it is the easiest to reach.
+pub(crate) fn is_approachable(
+    robot: &Robot,
+    object: &Object,
+    grasp: &Grasp,
+) -> Result<bool, SceneError> {
+    let planned = Planned::easiest(&Setting::anywhere(robot, object), grasp)?;
+    Ok(planned.is_some_and(|planned| is_approached(&planned.setting, &planned.posture)))
 }
 
 /// Whether a motion into a grasp is found from one of a few places above the object.

@@ -10,6 +10,7 @@ pub mod limits;
 pub mod rotation;
 pub mod solids;
 pub mod spheres;
+pub mod spline;
 pub mod tree;
 mod urdf;
 

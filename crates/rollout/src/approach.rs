@@ -14,7 +14,7 @@ use grasps::sides::all_sides;
 use grasps::{Setting, place};
 use policy::{Encoding, Model};
 use rand_chacha::ChaCha8Rng;
-use robot::{DOF, Isometry, JointState, JointVector, Limits};
+use robot::{Isometry, JointState, JointVector, spline};
 use scene::config::CONTROL_PERIOD;
 
 /// What is known when the approach is planned.
@@ -96,7 +96,7 @@ impl Sight<'_> {
     /// A spline to the first state of a demonstration, and then the demonstration.
     fn starting_at_home(&self, states: &[JointState]) -> Approach {
         let limits = &self.workcell.robot.tree.limits;
-        let mut rows = spline(&self.home, &states[0].q, limits);
+        let mut rows = spline::quintic(&self.home, &states[0].q, limits, CONTROL_PERIOD);
         let ticks = rows.len();
         rows.extend(&states[1..]);
         Approach { rows, ticks, encoding: None }
@@ -141,33 +141,9 @@ impl Sight<'_> {
             }
             _ => seen,
         };
-        let rows = spline(&self.home, &start, &robot.tree.limits);
+        let rows = spline::quintic(&self.home, &start, &robot.tree.limits, CONTROL_PERIOD);
         Ok(Ok(Approach { ticks: rows.len(), rows, encoding: Some(encoding) }))
     }
-}
-
-/// Share of the joints' velocity limits that the spline uses at most.
-const SPEED_SHARE: f64 = 0.5;
-/// Shortest duration (s).
-const LEAST_SECONDS: f64 = 1.0;
-
-/// States from `from` at rest to `to` at rest, a control period apart, `from` not included.
-pub fn spline(from: &JointVector, to: &JointVector, limits: &Limits) -> Vec<JointState> {
-    let distance = to - from;
-    // The quintic's greatest speed is 15/8 of its mean speed.
-    let seconds = (0..DOF)
-        .map(|i| 1.875 * distance[i].abs() / (SPEED_SHARE * limits.velocity[i]))
-        .fold(LEAST_SECONDS, f64::max);
-    let count = libm::ceil(seconds / CONTROL_PERIOD) as usize;
-    let seconds = count as f64 * CONTROL_PERIOD;
-    (1..=count)
-        .map(|i| {
-            let s = i as f64 / count as f64;
-            let share = s * s * s * (10.0 - 15.0 * s + 6.0 * s * s);
-            let rate = 30.0 * s * s * (1.0 - s) * (1.0 - s) / seconds;
-            JointState { q: from + distance * share, qd: distance * rate }
-        })
-        .collect()
 }
 
 /// One noisy frame as a cloud.
@@ -191,23 +167,5 @@ pub(crate) fn script(q: &JointVector, workcell: &Workcell) -> Vec<JointState> {
             closed[i] = (q[i] + 0.9).min(limits.upper[i]);
         }
     }
-    spline(q, &closed, limits)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use robot::Tree;
-
-    #[test]
-    fn it_ends_at_rest_at_the_goal_within_the_speed_limits() {
-        let limits = Tree::iiwa7_allegro().unwrap().limits;
-        let (from, to) = (JointVector::zeros(), JointVector::from_fn(|i, _| 0.1 * i as f64 - 0.5));
-        let rows = spline(&from, &to, &limits);
-        let last = rows.last().unwrap();
-        assert!((last.q - to).amax() < 1e-12 && last.qd.amax() < 1e-12);
-        for row in &rows {
-            assert!((0..DOF).all(|i| row.qd[i].abs() <= 0.51 * limits.velocity[i]));
-        }
-    }
+    spline::quintic(q, &closed, limits, CONTROL_PERIOD)
 }

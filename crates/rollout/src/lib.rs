@@ -3,7 +3,7 @@
 //! In: an object, a seed, who controls. Out: a verdict and a state hash that are the same natively and
 //! in the browser. Knows no files, threads or clocks.
 
-pub mod approach;
+mod approach;
 pub mod attempt;
 pub mod course;
 pub mod demonstration;
