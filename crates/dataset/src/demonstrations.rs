@@ -90,7 +90,9 @@ impl Post<'_> {
     /// Demonstrations of one posture; gives up on one that does not work at once. Gives the number kept.
     fn try_posture(&self, grasp: usize, posture: &Posture, part: &mut Part) -> Result<usize> {
         let robot = self.setting.robot;
-        let Some(lift) = demonstration::lift_of(&self.setting, posture)? else { return Ok(0) };
+        let lift = demonstration::lift_of(&self.setting, posture)?;
+        let lift = lift.filter(|lift| demonstration::rises_enough(robot, lift));
+        let Some(lift) = lift else { return Ok(0) };
         let palm = robot.tree.kinematics(&posture.touch).palm();
         let trajectories = TrajectoryConfig::standard();
         let mut kept = 0;

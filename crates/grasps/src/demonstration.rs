@@ -339,8 +339,9 @@ pub fn rise(robot: &Robot, lift: &[JointState]) -> f64 {
     lift.last().zip(lift.first()).map_or(0.0, |(last, first)| height(last) - height(first))
 }
 
-/// Height (m) by which a planned lift raises the palm beyond that at which an object counts as held.
-const RISE_MARGIN: f64 = 0.004;
+/// Height (m) by which a planned lift raises the palm beyond that at which an object counts as held: a policy takes hold
+/// some 10 mm beside the place, and lifts as much less.
+const RISE_MARGIN: f64 = 0.02;
 
 /// Whether a lift raises the palm so far that the object counts as held: close to its base the arm cannot raise a hand as
 /// far as one that it holds another way.
