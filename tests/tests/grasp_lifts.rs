@@ -80,7 +80,7 @@ fn the_hand_alone_agrees_with_arm_and_hand() {
         }
     }
     println!("{agree} of {tried} agree, {lost} are lost");
-    assert!(tried >= 30 && agree + 3 >= tried, "{agree} of {tried} agree");
+    assert!(tried >= 30 && agree + 2 >= tried, "{agree} of {tried} agree");
     assert!(lost >= 3, "only {lost} are lost: a world that lifts everything would agree, too");
 }
 
