@@ -7,7 +7,7 @@ use geometry::object::Object;
 use grasps::built_in::built_in;
 use grasps::demonstration::{self, Demonstration, TrajectoryConfig};
 use grasps::trial::{Endurance, Physics, TrialOutcome};
-use grasps::{Posture, Robot, Setting};
+use grasps::{Posture, Robot, Setting, lift};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use std::collections::BTreeMap;
@@ -19,7 +19,7 @@ const TARGETS: usize = 12;
 
 /// Whether arm and hand lift the object when a demonstration is played back.
 fn lifts(setting: &Setting, posture: &Posture, motion: &Demonstration) -> bool {
-    let lift = demonstration::lift_of(setting, posture).unwrap().expect("a lift");
+    let lift = lift::plan_after(setting, posture).unwrap().expect("a lift");
     let outcome = motion.replay(Physics::Full, setting, &lift, Endurance::BRIEF).unwrap();
     matches!(outcome, TrialOutcome::Lifted { .. })
 }

@@ -7,7 +7,7 @@ use grasps::built_in::built_in;
 use grasps::place::Planned;
 use grasps::sides::all_sides;
 use grasps::trial::{Endurance, Physics, TrialOutcome};
-use grasps::{Robot, Setting, demonstration};
+use grasps::{Robot, Setting, lift};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rollout::{Attempt, Controller, Workcell};
@@ -94,8 +94,8 @@ fn the_planner_passes_over_a_side_from_which_the_arm_cannot_lift() {
     let grasps = all_sides(&object, &built_in("soda_can").unwrap().grasps);
     let setting = Setting::new(robot, &object, &robot.config.upright(pose[0], pose[1], pose[2]));
     let (_, first) = setting.options(&grasps).next().unwrap();
-    let lift = demonstration::lift_of(&setting, &first).unwrap().unwrap();
-    assert!(demonstration::rise(robot, &lift) < robot.config.attempt.held_height.into());
+    let lift = lift::plan_after(&setting, &first).unwrap().unwrap();
+    assert!(lift::rise(robot, &lift) < robot.config.attempt.held_height.into());
 
     let (name, planner) = ("soda_can", Controller::Planner);
     let mut attempt = Attempt::begin(&workcell, &object, name, Some(pose), 0, planner).unwrap();

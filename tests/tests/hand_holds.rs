@@ -6,7 +6,7 @@ use geometry::Pose;
 use geometry::object::Object;
 use grasps::built_in::built_in;
 use grasps::place::Planned;
-use grasps::{Grasp, Posture, Robot, Setting, trial};
+use grasps::{Grasp, Posture, Robot, Setting, lift, trial};
 use robot::{JointState, JointVector, integrator};
 use scene::config::CONTROL_PERIOD;
 use scene::{Hold, Scene, Simulation};
@@ -44,7 +44,7 @@ fn slips(robot: &Robot, grasp: &Grasp) -> [f32; 2] {
     follow(&mut scene, &mut state, &trial::straight(&posture.touch, &posture.squeeze, 10));
     state = JointState::at_rest(posture.squeeze);
     follow(&mut scene, &mut state, &[JointVector::zeros(); 9]);
-    let lift = trial::plan_lift(config, tree, &state).unwrap().expect("a lift");
+    let lift = lift::plan(config, tree, &state).unwrap().expect("a lift");
     for pair in lift.windows(2) {
         scene.follow(&pair[0], &pair[1]);
     }

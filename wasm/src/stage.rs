@@ -1,26 +1,23 @@
 //! What stands on the table, and the attempt to lift it: all that the worker knows of the robot.
 
+mod begin;
+mod show;
+
+pub(crate) use begin::cannot_begin;
+
 use crate::fetch::ModelFiles;
-use crate::history::{History, Picture, Terms};
-use crate::likeness;
+use crate::history::History;
 use crate::look;
 use crate::protocol::{
-    Attempted, BuiltIn, Cloud, DepthCamera, Failure, File, Found, Frame, Joint, Link, ObjectLoaded,
-    Phase, PlanarPose, Pull, Ready, Rectangle, Shape, Table, Verdict,
+    Attempted, BuiltIn, DepthCamera, Failure, File, Joint, Link, ObjectLoaded, PlanarPose, Pull,
+    Ready, Rectangle, Shape, Table, Verdict,
 };
 use crate::statistics::{Attempts, Tally};
 use crate::upload::{self, Loaded};
-use geometry::{Pose, Vec3};
-use grasps::grasp::Grasp;
-use grasps::search::{SearchConfig, search};
-use js_sys::Float32Array;
-use robot::{JointVector, rotation};
-use rollout::{Attempt, Controller, Demonstration, Moment, RolloutError, Workcell};
+use geometry::Vec3;
+use rollout::{Attempt, Workcell};
 use scene::config::{CONTROL_PERIOD, scene_hash};
-use scene::{Contact, Simulation};
-use std::borrow::Cow;
 use std::collections::BTreeMap;
-use std::sync::Arc;
 
 /// Robot, table and object, with an attempt or without.
 pub(crate) struct Stage {
@@ -187,123 +184,6 @@ impl Stage {
         Ok(())
     }
 
-    /// Begins an attempt: by the policy, or while there is none by the planner.
-    pub(crate) fn begin(&mut self, seed: u32) -> Result<Cloud, Failure> {
-        let PlanarPose { x, y, yaw } = self.pose;
-        let attempt =
-            self.attempt(Some([x, y, yaw]), seed).map_err(|error| cannot_begin(&error))?;
-        (self.played, self.seed) = (None, seed);
-        Ok(self.set_off(attempt))
-    }
-
-    /// An attempt with what stands there, where the seed puts it unless that is told.
-    pub(crate) fn attempt(
-        &self,
-        pose: Option<[f32; 3]>,
-        seed: u32,
-    ) -> Result<Attempt, RolloutError> {
-        let has_policy = self.workcell.model.is_some();
-        let controller = if has_policy { Controller::Policy } else { Controller::Planner };
-        let Loaded { object, name, label, .. } = &self.loaded;
-        let name = name.as_ref().unwrap_or(label);
-        Attempt::begin(&self.workcell, object, name, pose, u64::from(seed), controller)
-    }
-
-    /// Searches grasps of what stands there, in physics.
-    pub(crate) fn search(&self, seed: u32, progress: impl FnMut(f32)) -> Result<Found, Failure> {
-        let robot = &self.workcell.robot;
-        let config = SearchConfig::quick(robot);
-        let found = search(robot, &self.loaded.object, &config, u64::from(seed), progress);
-        let (set, _) = found.map_err(|error| broken(&error))?;
-        let (tried, reliable) = (set.tried, set.reliable);
-        let words = match set.grasps.len() {
-            0 => format!("{tried} grasps were tried; none lifts it reliably."),
-            _ => format!("{tried} grasps were tried; {reliable} lift it reliably."),
-        };
-        let grasps = serde_json::to_string(&set.grasps).map_err(|error| broken(&error))?;
-        Ok(Found { words, grasps, count: set.grasps.len() })
-    }
-
-    /// Begins an attempt with grasps that a search found.
-    pub(crate) fn follow(&mut self, seed: u32, grasps: &str) -> Result<Cloud, Failure> {
-        let grasps: Vec<Grasp> = serde_json::from_str(grasps).map_err(|error| broken(&error))?;
-        let PlanarPose { x, y, yaw } = self.pose;
-        let Loaded { object, label, .. } = &self.loaded;
-        let (pose, controller) = (Some([x, y, yaw]), Controller::Found(Arc::new(grasps)));
-        let attempt =
-            Attempt::begin(&self.workcell, object, label, pose, u64::from(seed), controller)
-                .map_err(|error| cannot_begin(&error))?;
-        self.seed = seed;
-        self.played = Some(format!("a grasp that was searched for {label}"));
-        Ok(self.set_off(attempt))
-    }
-
-    fn set_off(&mut self, attempt: Attempt) -> Cloud {
-        let array = |points: &[Vec3]| {
-            let numbers: Vec<f32> = points.iter().flat_map(|p| p.to_array()).collect();
-            Float32Array::from(numbers.as_slice())
-        };
-        let points = array(attempt.cloud());
-        let reconstruction = array(&attempt.reconstruction(&self.workcell).unwrap_or_default());
-        let likeness = attempt.unlikeness(&self.workcell).map(likeness::words);
-        self.attempt = Some(attempt);
-        self.is_told = false;
-        self.history.clear();
-        self.record();
-        Cloud { points, reconstruction, likeness }
-    }
-
-    /// Keeps how things stand.
-    fn record(&mut self) {
-        let Some(attempt) = &self.attempt else { return };
-        let scene = attempt.scene();
-        let poses = scene.body_poses().chain([scene.object_pose()]);
-        let terms = self.is_watched.then(|| {
-            let Moment { energy, margin, damping } = attempt.moment(&self.workcell);
-            Terms { energy, margin, damping }
-        });
-        self.history.push(Picture {
-            poses: poses.flat_map(|pose| seven(&pose)).collect(),
-            joints: attempt.commanded().q.iter().map(|q| *q as f32).collect(),
-            contacts: attempt.contacts().iter().flat_map(six).collect(),
-            phase: attempt.phase().into(),
-            terms,
-        });
-    }
-
-    /// Begins to play a demonstration from a file, with the object that stands there or a built-in one.
-    pub(crate) fn play(&mut self, file_name: &str, bytes: &[u8]) -> Result<Cloud, Failure> {
-        let unusable = |cause: String, cure: &str| Failure {
-            code: "demonstration_unusable",
-            cause: format!("{file_name} cannot be played: {cause}."),
-            cure: cure.into(),
-        };
-        let file: Demonstration = serde_json::from_slice(bytes).map_err(|error| {
-            unusable(error.to_string(), "Write one with `ngf dataset episode DIR N --out FILE`.")
-        })?;
-        let loaded = if self.object == file.object {
-            None
-        } else {
-            Some(upload::built_in(&file.name).map_err(|_| {
-                let cause = format!("it was made with \"{}\", which is not here", file.name);
-                unusable(cause, "Load that object's mesh first; its mass must be the one it was made with, too.")
-            })?)
-        };
-        let object = loaded.as_ref().map_or(&self.loaded.object, |loaded| &loaded.object);
-        let attempt = file.begin(&self.workcell, object).map_err(|error| {
-            let cure =
-                "Make the dataset with this version of the program, and objects as they are.";
-            unusable(error.to_string(), cure)
-        })?;
-        if let Some(loaded) = loaded {
-            self.load(loaded);
-        }
-        let [x, y, yaw] = file.pose;
-        (self.pose, self.pose_seed) = (PlanarPose { x, y, yaw }, None);
-        self.played = Some(file.demonstration);
-        Ok(self.set_off(attempt))
-    }
-
     /// Whether an attempt is under way, or is looked at again.
     pub(crate) fn is_busy(&self) -> bool {
         let goes_on = |attempt: &Attempt| attempt.verdict().is_none() || attempt.is_pulled();
@@ -387,94 +267,12 @@ impl Stage {
             tally: attempts.tally(),
         })
     }
-
-    /// What is to be drawn; the clock's figures are filled in by its owner.
-    pub(crate) fn frame(&self) -> Frame {
-        let picture = match self.history.shown() {
-            Some(picture) => Cow::Borrowed(picture),
-            None => Cow::Owned(self.at_home()),
-        };
-        Frame {
-            poses: Float32Array::from(picture.poses.as_slice()),
-            pose: self.pose,
-            played: self.played.clone(),
-            phase: picture.phase,
-            tick: self.history.tick(),
-            ticks: self.history.last(),
-            marks: self.history.marks(),
-            joints: Float32Array::from(picture.joints.as_slice()),
-            target: Float32Array::from(self.target(&picture.joints).as_slice()),
-            contacts: Float32Array::from(picture.contacts.as_slice()),
-            terms: picture.terms,
-            time: self.history.tick() as f64 * CONTROL_PERIOD,
-            running: true,
-            factor: 1.0,
-            measured: None,
-        }
-    }
-
-    /// Where these positions (rad) of all joints have the robot's bodies, seven numbers each.
-    fn target(&self, joints: &[f32]) -> Vec<f32> {
-        let q = JointVector::from_iterator(joints.iter().map(|q| f64::from(*q)));
-        let links = self.workcell.robot.tree.kinematics(&q);
-        links.world_from_body.iter().flat_map(|pose| seven(&rotation::to_pose(pose))).collect()
-    }
-
-    /// How things stand before an attempt.
-    fn at_home(&self) -> Picture {
-        let robot = &self.workcell.robot;
-        let home = robot.config.home();
-        let joints: Vec<f32> = home.iter().map(|q| *q as f32).collect();
-        let object = robot.config.upright(self.pose.x, self.pose.y, self.pose.yaw);
-        Picture {
-            poses: self.target(&joints).into_iter().chain(seven(&object)).collect(),
-            joints,
-            contacts: Vec::new(),
-            phase: Phase::Idle,
-            terms: None,
-        }
-    }
-}
-
-impl From<rollout::Phase> for Phase {
-    fn from(phase: rollout::Phase) -> Self {
-        match phase {
-            rollout::Phase::Approach => Self::Approach,
-            rollout::Phase::Policy => Self::Policy,
-            rollout::Phase::Lift => Self::Lift,
-            rollout::Phase::Hold => Self::Hold,
-            rollout::Phase::Done => Self::Verdict,
-        }
-    }
 }
 
 /// Where an attempt from this seed finds the object.
 fn draw_pose(workcell: &Workcell, seed: u32) -> PlanarPose {
     let [x, y, yaw] = rollout::pose_of_seed(&workcell.robot, u64::from(seed));
     PlanarPose { x, y, yaw }
-}
-
-/// Where something presses, and with what force.
-fn six(contact: &Contact) -> [f32; 6] {
-    let (p, f) = (contact.point, contact.force);
-    [p.x, p.y, p.z, f.x, f.y, f.z]
-}
-
-/// Position and quaternion.
-fn seven(pose: &Pose) -> [f32; 7] {
-    let (p, q) = (pose.translation, pose.rotation);
-    [p.x, p.y, p.z, q.x, q.y, q.z, q.w]
-}
-
-/// Why an attempt cannot begin.
-pub(crate) fn cannot_begin(error: &RolloutError) -> Failure {
-    let (code, cure) = match error {
-        RolloutError::NoGrasps(_) | RolloutError::NoModel => {
-            ("policy_missing", "Choose another object, or train a policy with `ngf train`.")
-        }
-        _ => ("attempt_impossible", "Choose another object."),
-    };
-    Failure { code, cause: format!("The attempt cannot begin: {error}."), cure: cure.into() }
 }
 
 fn broken(error: &dyn std::error::Error) -> Failure {

@@ -7,7 +7,7 @@ use anyhow::{Context, Result, ensure};
 use geometry::object::Object;
 use grasps::demonstration::{self, Demonstration, TrajectoryConfig};
 use grasps::trial::{Endurance, Physics, TrialOutcome};
-use grasps::{Grasp, Posture, Setting, Way};
+use grasps::{Grasp, Posture, Setting, Way, lift};
 use rand::{Rng, RngExt};
 use rand_chacha::ChaCha8Rng;
 use robot::{JointState, integrator};
@@ -90,8 +90,8 @@ impl Post<'_> {
     /// Demonstrations of one posture; gives up on one that does not work at once. Gives the number kept.
     fn try_posture(&self, grasp: usize, posture: &Posture, part: &mut Part) -> Result<usize> {
         let robot = self.setting.robot;
-        let lift = demonstration::lift_of(&self.setting, posture)?;
-        let lift = lift.filter(|lift| demonstration::rises_enough(robot, lift));
+        let lift = lift::plan_after(&self.setting, posture)?;
+        let lift = lift.filter(|lift| lift::rises_enough(robot, lift));
         let Some(lift) = lift else { return Ok(0) };
         let palm = robot.tree.kinematics(&posture.touch).palm();
         let trajectories = TrajectoryConfig::standard();

@@ -1,6 +1,6 @@
 //! Grasps that come with the project, as `ngf grasps` found them.
 
-use crate::search::GraspSet;
+use crate::GraspSet;
 
 /// Name and file of each set.
 macro_rules! sets {

@@ -3,7 +3,7 @@
 use crate::grasp::table_solid;
 use crate::proposal::GRASP_CENTER;
 use crate::trial::{self, Endurance, Motion, Physics, TrialOutcome};
-use crate::{Posture, Robot, Setting};
+use crate::{Posture, Setting};
 use fabrics::planner::{Plan, PlannerConfig};
 use fabrics::terms::repulsion::Obstacle;
 use fabrics::{Fabric, FabricConfig, Goal};
@@ -324,31 +324,6 @@ pub fn reverse(forward: &Plan, rest_speed: f64) -> Demonstration {
 /// follows the commands to a fraction of a degree.
 const LEAD_ROWS: usize = 12;
 
-/// The lift after a grasp's demonstrations, the same for all: they end in one posture. `None` if it is not finite.
-pub fn lift_of(
-    setting: &Setting,
-    posture: &Posture,
-) -> Result<Option<Vec<JointState>>, SceneError> {
-    let robot = setting.robot;
-    trial::plan_lift(&robot.config, &robot.tree, &JointState::at_rest(posture.squeeze))
-}
-
-/// Height (m) by which a lift raises the palm; near the edge of its reach the arm comes less far than is asked.
-pub fn rise(robot: &Robot, lift: &[JointState]) -> f64 {
-    let height = |state: &JointState| robot.tree.kinematics(&state.q).palm().translation.z;
-    lift.last().zip(lift.first()).map_or(0.0, |(last, first)| height(last) - height(first))
-}
-
-/// Height (m) by which a planned lift raises the palm beyond that at which an object counts as held: a policy takes hold
-/// some 10 mm beside the place, and lifts as much less.
-const RISE_MARGIN: f64 = 0.02;
-
-/// Whether a lift raises the palm so far that the object counts as held: close to its base the arm cannot raise a hand as
-/// far as one that it holds another way.
-pub fn rises_enough(robot: &Robot, lift: &[JointState]) -> bool {
-    rise(robot, lift) >= f64::from(robot.config.attempt.held_height) + RISE_MARGIN
-}
-
 impl Demonstration {
     /// Plays its end back in physics, goes along `lift`, and says what became of the object.
     pub fn replay(
@@ -367,6 +342,7 @@ impl Demonstration {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Robot;
     use crate::built_in::built_in;
     use geometry::object::Object;
     use rand::SeedableRng;

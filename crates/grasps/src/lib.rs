@@ -8,8 +8,10 @@ pub mod closing;
 pub mod cluster;
 pub mod demonstration;
 pub mod grasp;
+pub mod grasp_set;
 pub mod import;
 pub mod kind;
+pub mod lift;
 pub mod place;
 pub mod proposal;
 pub mod reach;
@@ -21,4 +23,5 @@ pub mod transfer;
 pub mod trial;
 
 pub use grasp::{Grasp, Posture};
+pub use grasp_set::GraspSet;
 pub use reach::{Robot, Setting, Way};

@@ -3,7 +3,7 @@
 use crate::grasp::{Grasp, Posture};
 use crate::sides::all_sides;
 use crate::trial::{self, Endurance, Physics, TrialOutcome};
-use crate::{Robot, Setting, demonstration};
+use crate::{Robot, Setting, lift};
 use geometry::Pose;
 use geometry::object::Object;
 use rand::{Rng, RngExt, SeedableRng};
@@ -75,7 +75,7 @@ impl<'a> Planned<'a> {
             }
         }
         let Some((_, planned)) = best else { return Ok(None) };
-        let lift = demonstration::lift_of(&planned.setting, &planned.posture)?;
+        let lift = lift::plan_after(&planned.setting, &planned.posture)?;
         Ok(lift.map(|lift| Self { lift, ..planned }))
     }
 

@@ -10,7 +10,7 @@ use crate::grasp::{Grasp, Posture};
 use crate::kind::{Scored, half_turn};
 use crate::place::{Planned, reach, reach_poses};
 use crate::trial::{self, Endurance, Physics, TrialOutcome};
-use crate::{Robot, Setting, cluster, demonstration, proposal};
+use crate::{Robot, Setting, cluster, demonstration, lift, proposal};
 use geometry::object::Object;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -69,7 +69,7 @@ pub fn share(robot: &Robot, object: &Object, grasp: &Grasp) -> Result<f64, Scene
 /// Whether a grasp lifts with arm and hand, even if the open hand grazes the object.
 fn lifts(setting: &Setting, grasp: &Grasp) -> Result<bool, SceneError> {
     let Some(posture) = setting.posture(grasp) else { return Ok(false) };
-    let Some(lift) = demonstration::lift_of(setting, &posture)? else { return Ok(false) };
+    let Some(lift) = lift::plan_after(setting, &posture)? else { return Ok(false) };
     let outcome = trial::try_grasp(Physics::Full, setting, &posture, &lift, HELD)?;
     Ok(matches!(outcome, TrialOutcome::Lifted { .. }))
 }
@@ -80,8 +80,8 @@ pub fn served(robot: &Robot, object: &Object, grasp: &Grasp) -> Result<Vec<bool>
     let serves = |pose| {
         let setting = anywhere.elsewhere(pose);
         let Some(posture) = setting.reach(grasp) else { return Ok(false) };
-        let lift = demonstration::lift_of(&setting, &posture)?;
-        let rises = lift.is_some_and(|lift| demonstration::rises_enough(robot, &lift));
+        let lift = lift::plan_after(&setting, &posture)?;
+        let rises = lift.is_some_and(|lift| lift::rises_enough(robot, &lift));
         Ok(rises && is_approached(&setting, &posture))
     };
     reach_poses(robot).iter().map(serves).collect()

@@ -5,16 +5,17 @@
 
 use crate::grasp::Grasp;
 use crate::proposal::{self, GRASP_CENTER, ProposalConfig};
-use crate::search::{GraspSet, Search, SearchConfig};
-use crate::{Robot, cluster, kind::Scored, tolerance};
+use crate::search::{Search, SearchConfig};
+use crate::{GraspSet, Robot, cluster, kind::Scored, tolerance};
 use geometry::object::Object;
 use robot::{Isometry, Vector, rotation};
 use scene::SceneError;
 
 /// Palm poses about the one that is carried over, of which the first reliable ones count.
 const TRIES: usize = 40;
-/// So many reliable ones (twice as many where they have to be tolerant), of which the nearest to the one that is carried over is taken: of variants that are grasped each
-/// a centimetre otherwise, a policy learns nothing that it could do with the next.
+/// So many reliable ones (twice as many where they have to be tolerant), of which the nearest to the one that is
+/// carried over is taken: of variants that are grasped each a centimetre otherwise, a policy learns nothing that it
+/// could do with the next.
 const ENOUGH: usize = 3;
 
 /// Tries the grasps `set` of the object `from` on `object`; those that are reliable there keep their kinds and order.

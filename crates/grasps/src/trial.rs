@@ -2,10 +2,7 @@
 
 use crate::Setting;
 use crate::grasp::Posture;
-use fabrics::planner::{self, PlannerConfig};
-use fabrics::terms::repulsion::Obstacle;
-use fabrics::{Fabric, FabricConfig, Goal};
-use robot::{ARM, JointState, JointVector, Tree};
+use robot::{JointState, JointVector};
 use scene::config::CONTROL_PERIOD;
 use scene::{HandScene, Hold, Loss, Scene, SceneConfig, SceneError, Simulation};
 
@@ -91,7 +88,7 @@ pub struct Motion<'a> {
     pub states: &'a [JointState],
     /// The posture in which the palm is where it grasps.
     pub grasp: JointVector,
-    /// The lift; see [`plan_lift`].
+    /// The lift; see [`crate::lift`].
     pub lift: &'a [JointState],
 }
 
@@ -167,31 +164,4 @@ fn swing(top: &JointState, joint: usize, angle: f64) -> impl Iterator<Item = Joi
         state.qd[joint] = angle * std::f64::consts::TAU * sin;
         state
     })
-}
-
-/// The lift: a fabric pulls the palm straight up by the protocol's height for three seconds at most,
-/// and comes as far as the arm reaches; the last state is at rest. `None` if it is not finite.
-pub fn plan_lift(
-    config: &SceneConfig,
-    tree: &Tree,
-    state: &JointState,
-) -> Result<Option<Vec<JointState>>, SceneError> {
-    let obstacle = Obstacle { solids: vec![crate::grasp::table_solid(config)], first_body: 3 };
-    let fabric = Fabric::new(tree, state.q, vec![obstacle], FabricConfig::gentle())?;
-    let mut palm = tree.kinematics(&state.q).palm();
-    palm.translation.vector.z += config.attempt.lift_height;
-    let goal = Goal { palm, hand: robot::hand_of(&state.q) };
-    let planner =
-        PlannerConfig { seconds: 3.0, rest_speed: 0.06, ..PlannerConfig::demonstration() };
-    let start = JointState::at_rest(state.q);
-    let Some(plan) = planner::flow(&fabric, &start, &goal, &planner) else { return Ok(None) };
-    let keep_fingers = |row: &JointState| {
-        let fingers = |v: &JointVector, kept: &JointVector| {
-            JointVector::from_fn(|i, _| if i < ARM { v[i] } else { kept[i] })
-        };
-        JointState { q: fingers(&row.q, &state.q), qd: fingers(&row.qd, &JointVector::zeros()) }
-    };
-    let mut rows: Vec<JointState> = plan.states.iter().map(keep_fingers).collect();
-    rows.push(JointState::at_rest(rows[rows.len() - 1].q));
-    Ok(Some(rows))
 }

@@ -195,6 +195,10 @@ pub struct ModelFiles {
     pub config: Vec<u8>,
 }
 
+/// Bits of mantissa that a policy's weights keep in its file, of the ten of half precision. What is left out is zero, and
+/// a packed file is a quarter smaller: 8.1 MB where it was 11.1.
+const MANTISSA_BITS: u32 = 6;
+
 /// Bytes of the three files of a model.
 pub fn model_files(
     encoder: &TrainedEncoder,
@@ -203,7 +207,8 @@ pub fn model_files(
     lessons: &[Lesson],
 ) -> Result<ModelFiles> {
     let whitening = encoder.whitening.tensors();
-    let weights = merge(&[encoder.params.export(&whitening)?, policy.export(&[])?])?;
+    let policy = policy.with_mantissa(MANTISSA_BITS)?.export(&[])?;
+    let weights = merge(&[encoder.params.export(&whitening)?, policy])?;
     let (mut z, mut q) = (Vec::new(), Vec::new());
     for lesson in lessons.iter().filter(|lesson| lesson.has_starts) {
         for trajectory in 0..lesson.demonstrations.trajectories().min(STARTS_PER_POSE) {

@@ -6,7 +6,7 @@ use geometry::object::Object;
 use grasps::built_in::built_in;
 use grasps::demonstration::{self, Demonstration, TrajectoryConfig};
 use grasps::trial::{self, Endurance, Physics};
-use grasps::{Posture, Robot, Setting, place};
+use grasps::{Posture, Robot, Setting, lift, place};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
@@ -97,7 +97,7 @@ fn cases_of<'a>(robot: &'a Robot, name: &str, object: &'a Object) -> Result<Vec<
         let [x, y, yaw] = place::random_pose(robot, &mut rng);
         let setting = Setting::new(robot, object, &robot.config.upright(x, y, yaw));
         let Some((_, posture)) = setting.options(&set.grasps).next() else { continue };
-        let lift = demonstration::lift_of(&setting, &posture)?.context("a lift")?;
+        let lift = lift::plan_after(&setting, &posture)?.context("a lift")?;
         cases.push(Case { setting, posture, lift });
     }
     Ok(cases)

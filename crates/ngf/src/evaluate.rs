@@ -6,7 +6,7 @@ use crate::objects::ObjectOptions;
 use anyhow::{Context, Result, bail};
 use dataset::generate::built_in_object;
 use dataset::store;
-use geometry::catalog::{CATALOG, Entry};
+use geometry::catalog::{CATALOG, Entry, of_family};
 use geometry::object::Object;
 use imitation::evaluation::{self, Report};
 use rollout::{Controller, Workcell};
@@ -98,11 +98,6 @@ fn objects(options: &Options) -> Result<Vec<(String, Object)>> {
     let load = |entry: &Entry| Ok((entry.name.to_owned(), built_in_object(entry.name)?));
     let named = options.family.iter().flat_map(|family| of_family(family));
     named.map(load).collect()
-}
-
-/// The built-in objects of a family.
-fn of_family(family: &str) -> impl Iterator<Item = &'static Entry> {
-    CATALOG.iter().filter(move |entry| entry.family == family)
 }
 
 /// Who acts on an object: name, controller, and the object as it is for it.

@@ -11,7 +11,7 @@ use grasps::built_in::built_in;
 use grasps::demonstration::{self, TrajectoryConfig};
 use grasps::grasp::Grasp;
 use grasps::sides::all_sides;
-use grasps::{Setting, place};
+use grasps::{Setting, lift, place};
 use policy::{Encoding, Model};
 use rand_chacha::ChaCha8Rng;
 use robot::{Isometry, JointState, JointVector, spline};
@@ -79,8 +79,8 @@ impl Sight<'_> {
         let config = TrajectoryConfig::standard();
         let setting = Setting::new(robot, object, place);
         for (_, posture) in setting.options(&all_sides(object, grasps)) {
-            let lift = demonstration::lift_of(&setting, &posture)?;
-            if !lift.is_some_and(|lift| demonstration::rises_enough(robot, &lift)) {
+            let lift = lift::plan_after(&setting, &posture)?;
+            if !lift.is_some_and(|lift| lift::rises_enough(robot, &lift)) {
                 continue;
             }
             let palm = robot.tree.kinematics(&posture.touch).palm();

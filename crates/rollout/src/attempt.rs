@@ -10,7 +10,7 @@ use crate::workcell::{RolloutError, Workcell};
 use geometry::Vec3;
 use geometry::object::Object;
 use grasps::grasp::Grasp;
-use grasps::{Robot, demonstration, place, trial};
+use grasps::{Robot, demonstration, lift, place};
 use policy::Encoding;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -276,7 +276,7 @@ impl Attempt {
         }
         let robot = &workcell.robot;
         let start = JointState::at_rest(self.state.q);
-        match trial::plan_lift(&robot.config, &robot.tree, &start) {
+        match lift::plan(&robot.config, &robot.tree, &start) {
             Ok(Some(rows)) => {
                 self.plan = rows.into_iter();
                 self.plan.next();

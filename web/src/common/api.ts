@@ -1,6 +1,7 @@
 // The server's API: JSON in and out, problems as errors, a token where it is asked for.
 
 import { h } from "./dom";
+import { answered, NO_SERVER, TOKEN } from "./strings";
 
 export const API = new URL("../api/v1/", location.href);
 
@@ -29,14 +30,14 @@ export interface List<T> {
   has_more: boolean;
 }
 
-const TOKEN = "ngf-token";
+const KEY = "ngf-token";
 
 // Asks for something; paths are relative to /api/v1/.
 export async function ask<T>(path: string, method = "GET", body?: unknown, signal?: AbortSignal): Promise<T> {
   const answer = await send(path, method, body, {}, signal);
   if (answer.status === 204) return undefined as T;
   if (answer.headers.get("content-type")?.includes("json")) return (await answer.json()) as T;
-  throw new Refused(noServer(`${answer.url} is not answered by ngf serve`));
+  throw new Refused(noServer(NO_SERVER.otherAnswers(answer.url)));
 }
 
 // The same, for what is not JSON.
@@ -47,7 +48,7 @@ export async function send(
   more: HeadersInit = {},
   signal?: AbortSignal,
 ): Promise<Response> {
-  const token = sessionStorage.getItem(TOKEN);
+  const token = sessionStorage.getItem(KEY);
   const headers = new Headers(more);
   if (token) headers.set("Authorization", `Bearer ${token}`);
   const isRaw = body instanceof Blob;
@@ -67,36 +68,31 @@ export async function send(
   if (answer.headers.get("content-type")?.includes("problem+json")) {
     throw new Refused((await answer.json()) as Problem);
   }
-  throw new Refused(noServer(`${answer.url} answered ${answer.status}`));
+  throw new Refused(noServer(answered(answer.url, answer.status)));
 }
 
 // Nobody who does jobs answers.
 export function noServer(why: string): Problem {
-  return {
-    status: 0,
-    title: "No server",
-    code: "no_server",
-    detail: `There is no server that does jobs: ${why}.`,
-    hint: "Start one with `ngf serve --data DIR` and open its address. The demo runs without any.",
-  };
+  const { title, detail, hint } = NO_SERVER;
+  return { status: 0, title, code: "no_server", detail: detail(why), hint };
 }
 
 // Resolves once a token is there.
 function askForToken(wasWrong: boolean): Promise<void> {
   return new Promise((resolve, reject) => {
-    const input = h("input", { type: "password", autocomplete: "off", required: true, "aria-label": "Token" });
+    const input = h("input", { type: "password", autocomplete: "off", required: true, "aria-label": TOKEN.label });
     const dialog = h(
       "dialog",
-      { class: "token", "aria-label": "Token" },
-      h("h2", {}, wasWrong ? "This token is not the server’s" : "This server asks for its token"),
-      h("p", { class: "hint" }, "It stands in the file that the server was started with, and is kept until this tab is closed."),
-      h("form", { method: "dialog" }, input, h("button", { class: "primary" }, "Go on")),
+      { class: "token", "aria-label": TOKEN.label },
+      h("h2", {}, wasWrong ? TOKEN.wrong : TOKEN.asks),
+      h("p", { class: "hint" }, TOKEN.hint),
+      h("form", { method: "dialog" }, input, h("button", { class: "primary" }, TOKEN.goOn)),
     );
     document.body.append(dialog);
     dialog.addEventListener("close", () => {
       dialog.remove();
-      if (input.value === "") return reject(new Refused({ ...noServer(""), code: "no_token", detail: "Without the token nothing can be changed.", hint: "Ask whoever runs the server for it." }));
-      sessionStorage.setItem(TOKEN, input.value);
+      if (input.value === "") return reject(new Refused({ ...noServer(""), code: "no_token", ...TOKEN.missing }));
+      sessionStorage.setItem(KEY, input.value);
       resolve();
     });
     dialog.showModal();

@@ -1,6 +1,7 @@
 // The server's description of itself (OpenAPI 3.1), as far as a form or a page of documentation needs it.
 
 import { noServer, Refused } from "./api";
+import { NO_SERVER } from "./strings";
 
 export interface Schema {
   $ref?: string;
@@ -45,7 +46,7 @@ export interface Description {
 export async function describe(): Promise<Description> {
   const answer = await fetch(new URL("../openapi.json", location.href)).catch(() => null);
   if (answer?.ok && answer.headers.get("content-type")?.includes("json")) return (await answer.json()) as Description;
-  throw new Refused(noServer("none is behind this page"));
+  throw new Refused(noServer(NO_SERVER.behindNone));
 }
 
 // What a reference leads to.

@@ -2,7 +2,8 @@
 
 import { Refused } from "./api";
 import { h } from "./dom";
-import { size } from "./words";
+import { size } from "./numbers";
+import { RELOAD } from "./strings";
 
 // Names and values.
 export function facts(pairs: [string, Node | string][]): HTMLElement {
@@ -14,7 +15,7 @@ export function section(name: string, ...content: (Node | string | null | false)
 }
 
 // A table; numbers stand to the right.
-export function table(head: string[], rows: (Node | string)[][], numeric: number[] = []): HTMLElement {
+export function table(head: readonly string[], rows: (Node | string)[][], numeric: number[] = []): HTMLElement {
   const isNumber = (i: number) => (numeric.includes(i) ? "is-number" : null);
   return h(
     "div",
@@ -35,7 +36,7 @@ export function failureCard(cause: string, cure: string, code: string): HTMLElem
 
 // What was refused; what else goes wrong is told as it is.
 export function refusal(error: unknown): HTMLElement {
-  if (!(error instanceof Refused)) return failureCard(String(error), "Reload the page; if it happens again, report it.", "");
+  if (!(error instanceof Refused)) return failureCard(String(error), RELOAD, "");
   const { detail, hint, code, request_id } = error.problem;
   return failureCard(detail, hint, [code, request_id].filter(Boolean).join(" "));
 }

@@ -1,5 +1,6 @@
 // What the address of the page asks for: ?model=ID, and ?mesh=ID or ?episode=DATASET/INDEX, or a link's.
 
+import { answered } from "../common/strings";
 import type { Shared } from "./share";
 
 export interface Asked {
@@ -36,6 +37,6 @@ async function fetchMesh(path: string): Promise<File> {
 
 async function get(path: string): Promise<Response> {
   const answer = await fetch(`api/v1/${path}`);
-  if (!answer.ok) throw new Error(`${answer.url} answered ${answer.status}`);
+  if (!answer.ok) throw new Error(answered(answer.url, answer.status));
   return answer;
 }

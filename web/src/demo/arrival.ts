@@ -2,6 +2,7 @@
 
 import type { Failure, Frame, ObjectLoaded, Ready, Told, ToWorker, Verdict } from "./protocol";
 import type { Shared } from "./share";
+import { LINK } from "./strings";
 
 export interface ArrivalEvents {
   send(message: ToWorker): void;
@@ -27,11 +28,11 @@ export class Arrival {
 
   ready({ objects, scene }: Ready): void {
     const { object, scene: made, mesh } = this.#shared;
-    if (scene !== made) this.#tell("link_other_scene", "This link was made with another version of the scene: the attempt may end otherwise.", "Open it where it was made to see it as it was.");
+    if (scene !== made) this.#tell("link_other_scene", LINK.otherScene);
     const at = objects.findIndex(({ name }) => name === object);
     // The first one stands there anyway.
     if (at > 0) this.#events.send({ kind: "load", object });
-    else if (at < 0 && !mesh) this.#tell("link_needs_file", `This link is about "${object}", a file that it does not contain.`, "Get the file from whoever sent the link, and drop it here.");
+    else if (at < 0 && !mesh) this.#tell("link_needs_file", LINK.needsFile(object));
   }
 
   showObject({ hash, name, label }: ObjectLoaded): void {
@@ -45,7 +46,7 @@ export class Arrival {
       this.#stage = "placed";
       this.#go();
     } else if (name === object || name === null) {
-      this.#tell("link_other_object", `${label} is not the object of the link: its shape, mass or friction is another.`, "Look for the very file that the link was made with.");
+      this.#tell("link_other_object", LINK.otherObject(label));
     }
   }
 
@@ -57,7 +58,7 @@ export class Arrival {
   // It is known who acts.
   hasModel(hash: string | null): void {
     const { model, modelHash } = this.#shared;
-    if (modelHash !== null && hash !== modelHash) this.#tell("link_other_model", `The policy "${model}" is not the one of the link: the attempt may end otherwise.`, "Open it where it was made to see it as it was.");
+    if (modelHash !== null && hash !== modelHash) this.#tell("link_other_model", LINK.otherModel(model));
     this.#hasModel = true;
     this.#go();
   }
@@ -80,10 +81,10 @@ export class Arrival {
     if (this.#stage !== "trying") return;
     this.#stage = "over";
     if (hash === this.#shared.end) this.#events.agrees();
-    else this.#tell("link_other_end", "The attempt ended in another state than in the link.", "Policy, object and scene must be those of the link; compare the notes above.");
+    else this.#tell("link_other_end", LINK.otherEnd);
   }
 
-  #tell(code: string, cause: string, cure: string): void {
-    this.#events.tell({ kind: "failure", code, cause, cure });
+  #tell(code: string, told: Pick<Failure, "cause" | "cure">): void {
+    this.#events.tell({ kind: "failure", code, ...told });
   }
 }

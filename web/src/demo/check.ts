@@ -1,6 +1,7 @@
 // What this browser can do of what the page needs, each with a cure: ?check, or from the list of keys.
 
 import { h } from "../common/dom";
+import { CHECK } from "./strings";
 
 interface Finding {
   name: string;
@@ -20,34 +21,28 @@ function findings(): Finding[] {
   const graphics = context && renderer ? String(context.getParameter(renderer.UNMASKED_RENDERER_WEBGL)) : "";
   context?.getExtension("WEBGL_lose_context")?.loseContext();
   const memory = (navigator as { deviceMemory?: number }).deviceMemory;
-  const update = "Use Chrome 111, Firefox 121, Safari 16.4 or newer.";
   return [
-    { name: "WebAssembly", works: typeof WebAssembly === "object", told: "", cure: update },
-    { name: "SIMD", works: WebAssembly.validate(SIMD), told: "", cure: update },
-    { name: "Workers", works: typeof Worker === "function", told: `${navigator.hardwareConcurrency} cores`, cure: update },
-    {
-      name: "WebGL 2",
-      works: context !== null,
-      told: graphics,
-      cure: "Turn on hardware acceleration. Without it nothing is drawn, but attempts run and verdicts are told.",
-    },
-    { name: "Isolation", works: crossOriginIsolated, told: "precise clocks", cure: "The host must send COOP and COEP, as `ngf serve` does. It works without, too." },
-    { name: "Memory", works: memory === undefined || memory >= 2, told: memory ? `${memory} GB or more` : "", cure: "Close other pages." },
-    { name: "Film", works: "MediaRecorder" in window, told: "", cure: "Record the screen instead." },
+    { ...CHECK.webAssembly, works: typeof WebAssembly === "object", told: "" },
+    { ...CHECK.simd, works: WebAssembly.validate(SIMD), told: "" },
+    { ...CHECK.workers, works: typeof Worker === "function", told: CHECK.cores(navigator.hardwareConcurrency) },
+    { ...CHECK.webgl, works: context !== null, told: graphics },
+    { ...CHECK.isolation, works: crossOriginIsolated },
+    { ...CHECK.memory, works: memory === undefined || memory >= 2, told: memory ? CHECK.gigabytes(memory) : "" },
+    { ...CHECK.film, works: "MediaRecorder" in window, told: "" },
   ];
 }
 
 export function showCheck(): void {
   const row = ({ name, works, told, cure }: Finding) =>
-    h("li", { class: works ? "is-good" : "is-bad" }, h("b", {}, name), h("span", {}, works ? told || "works" : cure));
+    h("li", { class: works ? "is-good" : "is-bad" }, h("b", {}, name), h("span", {}, works ? told || CHECK.works : cure));
   const all = findings();
   const bad = all.filter(({ works }) => !works).length;
   const dialog = h(
     "dialog",
-    { class: "check", "aria-label": "Self-check" },
-    h("h2", {}, bad === 0 ? "This browser can do all of it" : `${bad} of ${all.length} are missing`),
+    { class: "check", "aria-label": CHECK.title },
+    h("h2", {}, bad === 0 ? CHECK.allWork : CHECK.missing(bad, all.length)),
     h("ul", {}, ...all.map(row)),
-    h("form", { method: "dialog" }, h("button", { class: "primary" }, "Close")),
+    h("form", { method: "dialog" }, h("button", { class: "primary" }, CHECK.close)),
   );
   dialog.addEventListener("close", () => dialog.remove());
   document.body.append(dialog);

@@ -3,6 +3,7 @@
 import { element, h } from "../common/dom";
 import { Engine, useModel } from "./engine";
 import type { FromWorker, ToWorker, Verdict } from "./protocol";
+import { COMPARISON } from "./strings";
 import { View } from "./view/view";
 
 export interface ComparisonEvents {
@@ -32,7 +33,7 @@ export class Comparison {
 
   // Who acts in the first picture.
   name(id: string | null): void {
-    this.#first = id ?? "planner";
+    this.#first = id ?? COMPARISON.planner;
     this.#names[0].textContent = this.#first;
   }
 

@@ -1,6 +1,7 @@
 // The worker: starts it, sends it messages, and says when it has stopped for good.
 
-import type { Failure, FromWorker, ToWorker } from "./protocol";
+import type { FromWorker, ToWorker } from "./protocol";
+import { FAILURES } from "./strings";
 
 // What tells a worker by whom to act.
 export function useModel(id: string): ToWorker {
@@ -56,17 +57,8 @@ export class Engine {
     };
     worker.onerror = (event) => {
       event.preventDefault();
-      if (!hasTold) this.#receive(stopped(event.message));
+      if (!hasTold) this.#receive({ kind: "failure", code: "engine_stopped", ...FAILURES.stopped(event.message) });
     };
     return worker;
   }
-}
-
-function stopped(message: string | undefined): Failure {
-  return {
-    kind: "failure",
-    code: "engine_stopped",
-    cause: message ? `The simulation stopped: ${message}` : "The simulation did not start.",
-    cure: "Restart it; the page itself is unharmed.",
-  };
 }

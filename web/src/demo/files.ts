@@ -1,5 +1,6 @@
 // Files as people bring them: one or several, a folder, from the clipboard.
 
+import { FILES } from "./strings";
 import { unzip } from "./zip";
 
 // What the worker reads: meshes, archives of them, demonstrations.
@@ -42,8 +43,8 @@ export async function readable(files: Iterable<File>): Promise<File[]> {
 
 async function opened(archive: File): Promise<File[]> {
   const files = await unzip(archive, (name) => READABLE.test(name) && !ARCHIVE.test(name)).catch((error: unknown) => {
-    throw new Error(`${archive.name} cannot be opened: ${error instanceof Error ? error.message : String(error)}`);
+    throw new Error(FILES.cannotOpen(archive.name, error instanceof Error ? error.message : String(error)));
   });
-  if (files.length === 0) throw new Error(`${archive.name} holds no OBJ, STL, PLY or GLB file`);
+  if (files.length === 0) throw new Error(FILES.noMesh(archive.name));
   return files;
 }

@@ -23,6 +23,7 @@ import { makeSheet } from "./panel/sheet";
 import type { FromWorker, Model, PlanarPose, Told, ToWorker } from "./protocol";
 import { save } from "./save";
 import { type Shared, sharedIn } from "./share";
+import { FAILURES, FILES, LINK } from "./strings";
 import type { Preset } from "./view/camera";
 import { type Layer, View } from "./view/view";
 
@@ -66,13 +67,7 @@ const objects = new ObjectPicker({
     opening.stop();
     void upload(file, report.begin(arrival?.told));
   },
-  refused: (cause) =>
-    failures.show({
-      kind: "failure",
-      code: "files_unreadable",
-      cause: `${cause}.`,
-      cure: "Take the mesh out of it, and drop that.",
-    }),
+  refused: (cause) => failures.show({ kind: "failure", code: "files_unreadable", ...FILES.unusable(cause) }),
 });
 const report = new ReportCard((told) => shownFile && void upload(shownFile, told));
 const batch = new BatchPanel({
@@ -266,12 +261,7 @@ async function bring(): Promise<void> {
     if (!asked.plays) objects.add(file);
     await upload(file, report.begin(arrival?.told));
   } catch (error) {
-    failures.show({
-      kind: "failure",
-      code: "address_unusable",
-      cause: `What this address asks for could not be fetched: ${String(error)}`,
-      cure: "Follow the link again; it may have been deleted meanwhile.",
-    });
+    failures.show({ kind: "failure", code: "address_unusable", ...FILES.notFetched(String(error)) });
   }
 }
 
@@ -299,12 +289,8 @@ async function upload(file: File, told: Told = { unit: null, massKg: null, stand
   // What would not be taken is not even read.
   if (file.size > mostBytes) {
     objects.refuse(file.name);
-    failures.show({
-      kind: "failure",
-      code: "mesh_too_large",
-      cause: `${file.name} has ${(file.size / 1e6).toFixed(0)} MB, more than ${mostBytes / 1e6}.`,
-      cure: "Reduce the number of its triangles; the hand does not feel more than a few thousand.",
-    });
+    const told = FILES.tooLarge(file.name, (file.size / 1e6).toFixed(0), mostBytes / 1e6);
+    failures.show({ kind: "failure", code: "mesh_too_large", ...told });
     return;
   }
   comingFile = file;
@@ -317,12 +303,7 @@ async function upload(file: File, told: Told = { unit: null, massKg: null, stand
     standing = { ...message, bytes: bytes.slice(0) };
     engine.send(message, [bytes]);
   } catch (error) {
-    failures.show({
-      kind: "failure",
-      code: "file_unreadable",
-      cause: `${file.name} could not be read: ${String(error)}`,
-      cure: "Check that it still exists and may be read, and choose it again.",
-    });
+    failures.show({ kind: "failure", code: "file_unreadable", ...FILES.unreadable(file.name, String(error)) });
   }
 }
 
@@ -339,12 +320,8 @@ function sharedOrTold(): Shared | null {
   try {
     return sharedIn();
   } catch (error) {
-    failures.show({
-      kind: "failure",
-      code: "link_damaged",
-      cause: `This link is damaged: ${error instanceof Error ? error.message : String(error)}.`,
-      cure: "Ask for it again; perhaps a part of it was cut off.",
-    });
+    const why = error instanceof Error ? error.message : String(error);
+    failures.show({ kind: "failure", code: "link_damaged", ...LINK.damaged(why) });
     return null;
   }
 }
@@ -361,22 +338,11 @@ function makeView(): View | null {
       moved: (stand) => comparison.stand(stand),
       graphics: (works) => {
         if (works) failures.close("graphics_lost");
-        else
-          failures.show({
-            kind: "failure",
-            code: "graphics_lost",
-            cause: "The browser took the graphics away.",
-            cure: "They usually come back by themselves; the simulation goes on. Otherwise reload the page.",
-          });
+        else failures.show({ kind: "failure", code: "graphics_lost", ...FAILURES.graphicsLost });
       },
     });
   } catch (error) {
-    failures.show({
-      kind: "failure",
-      code: "graphics_missing",
-      cause: `There is no WebGL here, so nothing can be drawn: ${String(error)}`,
-      cure: "The simulation runs and the verdicts are told all the same. Turn on hardware acceleration, or try another browser.",
-    });
+    failures.show({ kind: "failure", code: "graphics_missing", ...FAILURES.graphicsMissing(String(error)) });
     return null;
   }
 }

@@ -1,6 +1,7 @@
 // A link that brings somebody else to the same attempt: object, pose, seed, policy, view, moment, and how it ended.
 
 import type { PlanarPose, Stands, Told, Unit } from "./protocol";
+import { LINK } from "./strings";
 
 export interface Shared {
   // Name of a built-in object, or of the file.
@@ -58,15 +59,15 @@ export function sharedIn(hash = location.hash): Shared | null {
   const fields = new URLSearchParams(hash.slice(1));
   const version = fields.get("v");
   if (version === null) return null;
-  if (version !== VERSION) throw new Error(`it is of version ${version}, which this page does not know`);
+  if (version !== VERSION) throw new Error(LINK.unknownVersion(version));
   const text = (name: string) => {
     const value = fields.get(name);
-    if (value === null || value === "") throw new Error(`its part "${name}" is missing`);
+    if (value === null || value === "") throw new Error(LINK.partMissing(name));
     return value;
   };
   const numbers = (name: string, count: number) => {
     const values = text(name).split(",").map(Number);
-    if (values.length !== count || !values.every(Number.isFinite)) throw new Error(`its part "${name}" is not ${count} numbers`);
+    if (values.length !== count || !values.every(Number.isFinite)) throw new Error(LINK.partNotNumbers(name, count));
     return values as [number, ...number[]];
   };
   const [x, y, yaw] = numbers("p", 3);

@@ -3,6 +3,7 @@
 import init, { start } from "engine/engine.js";
 import wasm from "engine/engine_bg.wasm?url";
 import type { Failure } from "./protocol";
+import { FAILURES } from "./strings";
 
 try {
   await init({ module_or_path: wasm });
@@ -11,8 +12,7 @@ try {
   const failure: Failure = {
     kind: "failure",
     code: error instanceof WebAssembly.CompileError ? "wasm_unsupported" : "engine_not_loaded",
-    cause: String(error),
-    cure: "Reload the page. It needs Chrome 111, Firefox 121, Safari 16.4 or newer.",
+    ...FAILURES.notLoaded(String(error)),
   };
   postMessage(failure);
 }

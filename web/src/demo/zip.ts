@@ -1,5 +1,7 @@
 // The files in a ZIP archive, unpacked by the browser itself (APPNOTE 6.3, sections 4.3.7, 4.3.12, 4.3.16).
 
+import { FILES } from "./strings";
+
 const END = 0x06054b50;
 const ENTRY = 0x02014b50;
 // The end stands behind at most this long a comment.
@@ -29,11 +31,11 @@ function* entries(bytes: DataView): Generator<{ name: string; method: number; si
   let end = bytes.byteLength - 22;
   const first = Math.max(0, bytes.byteLength - LONGEST_END);
   while (end >= first && bytes.getUint32(end, true) !== END) end--;
-  if (end < first) throw new Error("it has no end: perhaps it was not copied as a whole");
+  if (end < first) throw new Error(FILES.noEnd);
   const count = bytes.getUint16(end + 10, true);
   let at = bytes.getUint32(end + 16, true);
   for (let i = 0; i < count; i++) {
-    if (bytes.getUint32(at, true) !== ENTRY) throw new Error("its list of files is damaged");
+    if (bytes.getUint32(at, true) !== ENTRY) throw new Error(FILES.damagedList);
     const lengths = [28, 30, 32].map((field) => bytes.getUint16(at + field, true)) as [number, number, number];
     yield {
       name: new TextDecoder().decode(new Uint8Array(bytes.buffer, at + 46, lengths[0])),
@@ -48,7 +50,7 @@ function* entries(bytes: DataView): Generator<{ name: string; method: number; si
 // What an entry says of its length is not believed.
 async function unpacked(packed: Uint8Array<ArrayBuffer>, method: number, name: string): Promise<Blob> {
   if (method === STORED) return new Blob([packed]);
-  if (method !== DEFLATED) throw new Error(`${name} is packed in a way that browsers do not know`);
+  if (method !== DEFLATED) throw new Error(FILES.unknownPacking(name));
   const reader = new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate-raw")).getReader();
   const parts: Uint8Array<ArrayBuffer>[] = [];
   let length = 0;
@@ -58,7 +60,7 @@ async function unpacked(packed: Uint8Array<ArrayBuffer>, method: number, name: s
     length += value.length;
     if (length > LONGEST) {
       await reader.cancel();
-      throw new Error(`${name} is larger than 50 MB`);
+      throw new Error(FILES.tooLong(name));
     }
     parts.push(value);
   }

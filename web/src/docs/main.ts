@@ -4,6 +4,7 @@ import { element, h } from "../common/dom";
 import { refusal } from "../common/parts";
 import { type Description, describe } from "../common/openapi";
 import { requestCard } from "./request";
+import { version } from "./strings";
 
 const METHODS = ["get", "post", "patch", "delete"];
 
@@ -18,7 +19,7 @@ function show(description: Description): void {
   const { info } = description;
   requests.append(
     h("h1", {}, info.title),
-    h("p", { class: "hint" }, `Version ${info.version}. For programs: `, h("a", { href: "../openapi.json" }, "openapi.json"), "."),
+    h("p", { class: "hint" }, version(info.version), h("a", { href: "../openapi.json" }, "openapi.json"), "."),
     h("p", {}, info.description ?? ""),
   );
   const contents = element("contents", HTMLElement);

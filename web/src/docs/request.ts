@@ -4,6 +4,8 @@ import { button, h } from "../common/dom";
 import { refusal, table } from "../common/parts";
 import { type Description, members, type Operation, type Parameter, resolve, type Schema } from "../common/openapi";
 import { send } from "../common/api";
+import { COPY_AS_CURL } from "../common/strings";
+import { REQUEST, TRIED } from "./strings";
 
 // Longer answers are cut.
 const MOST_SHOWN = 20_000;
@@ -27,11 +29,11 @@ export function requestCard(description: Description, method: string, path: stri
 function parameterTable(parameters: Parameter[]): HTMLElement {
   const rows = parameters.map((one) => [
     h("code", {}, one.name),
-    one.in + (one.required ? ", required" : ""),
+    [one.in, one.required && REQUEST.required].filter(Boolean).join(", "),
     typeOf(one.schema),
     one.description ?? "",
   ]);
-  return table(["Parameter", "In", "Type", ""], rows);
+  return table(REQUEST.parameters, rows);
 }
 
 function bodyTable(description: Description, schema: Schema): HTMLElement {
@@ -45,24 +47,24 @@ function bodyTable(description: Description, schema: Schema): HTMLElement {
     const of = members(description, variant?.["params"] ?? {});
     for (const [name, property] of Object.entries(of.properties)) rows.push(row(description, `params.${name}`, property, of.required.map((one) => `params.${one}`)));
   }
-  return table(["Member", "", "Type", ""], rows);
+  return table(REQUEST.members, rows);
 }
 
 function row(description: Description, name: string, schema: Schema, required: string[]): (Node | string)[] {
   const property = resolve(description, schema);
-  return [h("code", {}, name), required.includes(name) ? "required" : "", typeOf(property), property.description ?? ""];
+  return [h("code", {}, name), required.includes(name) ? REQUEST.required : "", typeOf(property), property.description ?? ""];
 }
 
 function typeOf(schema: Schema): string {
   if (schema.enum) return schema.enum.map((value) => `"${value}"`).join(" | ");
-  const bounds = [schema.minimum !== undefined && `from ${schema.minimum}`, schema.maximum !== undefined && `to ${schema.maximum}`].filter(Boolean);
+  const bounds = [schema.minimum !== undefined && REQUEST.from(schema.minimum), schema.maximum !== undefined && REQUEST.to(schema.maximum)].filter(Boolean);
   const name = [schema.type ?? "object"].flat().filter((one) => one !== "null").join(" | ");
   return [name, ...bounds].join(" ");
 }
 
 function answers({ responses }: Operation): HTMLElement {
   const item = ([status, { description, content }]: [string, Operation["responses"][string]]) =>
-    h("li", {}, h("code", {}, status === "default" ? "else" : status), ` ${description}`, content ? h("small", { class: "hint" }, ` ${Object.keys(content).join(", ")}`) : null);
+    h("li", {}, h("code", {}, status === "default" ? REQUEST.otherwise : status), ` ${description}`, content ? h("small", { class: "hint" }, ` ${Object.keys(content).join(", ")}`) : null);
   return h("ul", { class: "answers" }, ...Object.entries(responses).map(item));
 }
 
@@ -70,7 +72,7 @@ function answers({ responses }: Operation): HTMLElement {
 function tried(description: Description, method: string, path: string, parameters: Parameter[], operation: Operation): HTMLElement {
   const asked = parameters.filter((one) => one.in !== "header");
   const inputs = asked.map((one) => h("input", { type: "text", placeholder: one.name, "aria-label": one.name, size: 14 }));
-  const text = operation.requestBody ? h("textarea", { rows: 4, "aria-label": "Body", spellcheck: "false" }) : null;
+  const text = operation.requestBody ? h("textarea", { rows: 4, "aria-label": TRIED.body, spellcheck: "false" }) : null;
   if (text) text.value = example(description, operation);
   const shell = h("code");
   const answer = h("pre", { class: "answer", tabindex: 0, hidden: true });
@@ -103,13 +105,13 @@ function tried(description: Description, method: string, path: string, parameter
   for (const input of [...inputs, ...(text ? [text] : [])]) input.addEventListener("input", command);
   command();
   const isStream = path.endsWith("/stream");
-  const copy = button("Copy as curl", () => navigator.clipboard.writeText(shell.textContent ?? ""), { class: "quiet" });
+  const copy = button(COPY_AS_CURL, () => navigator.clipboard.writeText(shell.textContent ?? ""), { class: "quiet" });
   return h(
     "div",
     { class: "try" },
     h("div", { class: "inputs" }, ...inputs),
     text,
-    h("div", { class: "shell" }, shell, copy, isStream ? null : button("Try it", run)),
+    h("div", { class: "shell" }, shell, copy, isStream ? null : button(TRIED.tryIt, run)),
     answer,
   );
 }
@@ -120,7 +122,7 @@ async function shown(answer: Response): Promise<string> {
   if (kind.includes("json")) return JSON.stringify(await answer.json(), null, 2).slice(0, MOST_SHOWN);
   if (kind.startsWith("text/")) return (await answer.text()).slice(0, MOST_SHOWN);
   const { size } = await answer.blob();
-  return `${size.toLocaleString("en")} bytes of ${kind}`;
+  return TRIED.bytes(size.toLocaleString("en"), kind);
 }
 
 function example(description: Description, operation: Operation): string {

@@ -2,8 +2,9 @@
 
 import uPlot from "uplot";
 import "uplot/dist/uPlot.min.css";
-import { number } from "../common/words";
+import { number } from "../common/numbers";
 import { type Course, smoothed } from "./course";
+import { CHARTS } from "./strings";
 
 export interface Look {
   // From 0, as it is, to almost 1.
@@ -66,7 +67,7 @@ export class Chart {
     const series = labels.flatMap((label, i): uPlot.Series[] => {
       const color = css(`--series-${(i % 6) + 1}`);
       const raw: uPlot.Series = {
-        label: `${label}, raw`,
+        label: CHARTS.raw(label),
         stroke: color,
         alpha: look.smoothing > 0 ? 0.25 : 0,
         width: 1,
@@ -74,7 +75,9 @@ export class Chart {
         points: { show: false },
         value,
       };
-      return [raw, { ...raw, label, alpha: 1, width: 1.6 }];
+      // What was measured once is no line.
+      const points: uPlot.Series.Points = { show: ({ data }, at) => Array.from(data[at]!).filter((y) => y != null).length === 1, size: 7, fill: color };
+      return [raw, { ...raw, label, alpha: 1, width: 1.6, points }];
     });
     return {
       width: Math.max(200, this.element.clientWidth),
@@ -89,7 +92,7 @@ export class Chart {
         { ...axis, size: 58, values: (_, ticks) => ticks.map((tick) => (tick === null ? "" : short(tick))) },
       ],
       legend: { markers: { width: 0 } },
-      series: [{ label: look.by === "wall" ? "time" : "step", value: (_, x) => (x === null ? "–" : look.by === "wall" ? time(x) : x.toLocaleString("en")) }, ...series],
+      series: [{ label: look.by === "wall" ? CHARTS.time : CHARTS.step, value: (_, x) => (x === null ? "–" : look.by === "wall" ? time(x) : x.toLocaleString("en")) }, ...series],
     };
   }
 }

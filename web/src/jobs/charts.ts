@@ -4,6 +4,7 @@ import { h } from "../common/dom";
 import { Chart, type Look } from "./chart";
 import { Course } from "./course";
 import type { Feed } from "./feed";
+import { CHARTS } from "./strings";
 import { type Job, title } from "./types";
 
 // Quantities that come first.
@@ -21,10 +22,10 @@ export class Charts {
   readonly #stop: () => void;
 
   constructor(feed: Feed, jobs: Job[]) {
-    this.element.append(h("h2", {}, "Measured"), this.#controls(), this.#grid);
+    this.element.append(h("h2", {}, CHARTS.title), this.#controls(), this.#grid);
     this.#courses = jobs.map((job) => ({
       course: new Course(job.id, Date.parse(job.started_at ?? job.created_at)),
-      label: jobs.length === 1 ? "value" : title(job),
+      label: jobs.length === 1 ? CHARTS.value : title(job),
     }));
     const refetch = () => Promise.all(this.#courses.map(({ course }) => course.fetch())).then(() => this.#draw());
     void refetch().catch(() => {});
@@ -87,12 +88,12 @@ export class Charts {
     slider.valueAsNumber = look.smoothing;
     const by = h(
       "select",
-      { "aria-label": "Horizontal axis", change: () => ((look.by = by.value as Look["by"]), set()) },
-      h("option", { value: "step" }, "by step"),
-      h("option", { value: "wall" }, "by time"),
+      { "aria-label": CHARTS.axis, change: () => ((look.by = by.value as Look["by"]), set()) },
+      h("option", { value: "step" }, CHARTS.byStep),
+      h("option", { value: "wall" }, CHARTS.byTime),
     );
     by.value = look.by;
-    return h("div", { class: "controls" }, h("label", {}, "Smoothing", slider), box("log y", "isLogY"), box("log x", "isLogX"), by);
+    return h("div", { class: "controls" }, h("label", {}, CHARTS.smoothing, slider), box(CHARTS.logY, "isLogY"), box(CHARTS.logX, "isLogX"), by);
   }
 }
 

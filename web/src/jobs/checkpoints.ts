@@ -3,8 +3,9 @@
 import { ask, type List } from "../common/api";
 import { h } from "../common/dom";
 import { link, section, table } from "../common/parts";
-import { number, size } from "../common/words";
+import { number, size } from "../common/numbers";
 import { demo } from "./parts";
+import { CHECKPOINTS, DEMO } from "./strings";
 import type { Checkpoint } from "./types";
 
 export class Checkpoints {
@@ -13,9 +14,9 @@ export class Checkpoints {
   readonly #seen = new Set<string>();
 
   constructor(job: string) {
-    const empty = table(["Step", "Loss", "", "", "Model", "Size"], [], [0, 1]);
+    const empty = table(CHECKPOINTS.head, [], [0, 1, 2]);
     this.#body = empty.querySelector("tbody")!;
-    this.element = section("Checkpoints", empty);
+    this.element = section(CHECKPOINTS.title, empty);
     this.element.hidden = true;
     const fetched = ask<List<Checkpoint>>(`jobs/${job}/checkpoints`);
     fetched.then(({ data }) => data.forEach((one) => this.add(one))).catch(() => {});
@@ -30,11 +31,11 @@ export class Checkpoints {
     const cells = [
       step.toLocaleString("en"),
       typeof loss === "number" ? number(loss) : "",
-      demo(`model=${model_id}`, "Try in demo"),
-      link(`new?kind=policy.evaluate&model_id=${model_id}`, "Evaluate"),
-      link(`models/${model_id}`, model_id),
       size(bytes),
+      link(`models/${model_id}`, model_id),
+      demo(`model=${model_id}`, DEMO.tryIn),
+      link(`new?kind=policy.evaluate&model_id=${model_id}`, CHECKPOINTS.evaluate),
     ];
-    this.#body.prepend(h("tr", {}, ...cells.map((cell, i) => h("td", { class: i < 2 ? "is-number" : null }, cell))));
+    this.#body.prepend(h("tr", {}, ...cells.map((cell, i) => h("td", { class: i < 3 ? "is-number" : null }, cell))));
   }
 }

@@ -5,11 +5,12 @@ import { link, refusal, section, table } from "../common/parts";
 import { Charts } from "./charts";
 import type { Feed } from "./feed";
 import { chip } from "./parts";
+import { COMPARISON } from "./strings";
 import { type Job, title } from "./types";
 import type { View } from "./view";
 
 export class Comparison implements View {
-  readonly element = h("article", {}, h("h1", {}, "Comparison"));
+  readonly element = h("article", {}, h("h1", {}, COMPARISON.title));
   #charts: Charts | null = null;
   #isClosed = false;
 
@@ -19,7 +20,7 @@ export class Comparison implements View {
       (jobs) => {
         if (this.#isClosed) return;
         this.#charts = new Charts(feed, jobs);
-        this.element.append(section("Jobs", names(jobs)), section("In what they differ", differences(jobs)), this.#charts.element);
+        this.element.append(section(COMPARISON.jobs, names(jobs)), section(COMPARISON.differences, differences(jobs)), this.#charts.element);
       },
       (error: unknown) => this.element.append(refusal(error)),
     );
@@ -41,6 +42,6 @@ function differences(jobs: Job[]): HTMLElement {
   const all = [...new Set(jobs.flatMap(({ params }) => Object.keys(params)))];
   const text = (job: Job, name: string) => JSON.stringify(job.params[name] ?? null).replaceAll('"', "");
   const differ = all.filter((name) => new Set(jobs.map((job) => text(job, name))).size > 1);
-  if (differ.length === 0) return h("p", { class: "hint" }, "They were told the same.");
+  if (differ.length === 0) return h("p", { class: "hint" }, COMPARISON.none);
   return table(["", ...jobs.map(title)], differ.map((name) => [name, ...jobs.map((job) => text(job, name))]));
 }

@@ -3,13 +3,14 @@
 import { API, ask, type List } from "../common/api";
 import { button, h } from "../common/dom";
 import { download, facts, failureCard, link, refusal, section } from "../common/parts";
-import { duration, number, when } from "../common/words";
+import { duration, number, when } from "../common/numbers";
 import { Charts } from "./charts";
 import { Checkpoints } from "./checkpoints";
 import type { Feed } from "./feed";
 import { Log } from "./log";
 import { demo, evaluations, progressInWords } from "./parts";
-import { type Artifact, type Checkpoint, ENDED, type Evaluation, type Job, KINDS, title } from "./types";
+import { DEMO, EVALUATION, FACTS, JOB, KINDS, PROGRESS } from "./strings";
+import { type Artifact, type Checkpoint, ENDED, type Evaluation, type Job, title } from "./types";
 import type { View } from "./view";
 
 // A deletion can be taken back for so long (ms).
@@ -22,7 +23,7 @@ export class Detail implements View {
   readonly #name = h("h1");
   readonly #chip = h("span");
   readonly #buttons = h("span", { class: "actions" });
-  readonly #bar = h("progress", { max: 1, "aria-label": "Progress" });
+  readonly #bar = h("progress", { max: 1, "aria-label": PROGRESS.title });
   readonly #stands = h("p");
   readonly #error = h("div");
   readonly #made = h("div", { class: "made" });
@@ -99,13 +100,13 @@ export class Detail implements View {
       button(label, () => this.#do(async () => this.#feed.put(await ask<Job>(`jobs/${job.id}/${name}`, "POST"))));
     const has = (...statuses: string[]) => statuses.includes(job.status);
     return [
-      ...(has("running", "queued") ? [verb("pause", "Pause")] : []),
-      ...(has("paused") ? [verb("resume", "Resume")] : []),
-      ...(has("failed", "cancelled") ? [verb("retry", job.resumable ? "Go on" : "Try again")] : []),
-      ...(has("running", "queued", "paused") ? [verb("cancel", "Stop")] : []),
-      h("a", { class: "action", href: `#new?clone=${job.id}` }, "Again with changes"),
-      button("Rename", () => this.#rename(job)),
-      ...(ENDED.includes(job.status) ? [button("Delete", () => this.#delete(job))] : []),
+      ...(has("running", "queued") ? [verb("pause", JOB.pause)] : []),
+      ...(has("paused") ? [verb("resume", JOB.resume)] : []),
+      ...(has("failed", "cancelled") ? [verb("retry", job.resumable ? JOB.goOn : JOB.tryAgain)] : []),
+      ...(has("running", "queued", "paused") ? [verb("cancel", JOB.stop)] : []),
+      h("a", { class: "action", href: `#new?clone=${job.id}` }, JOB.again),
+      button(JOB.rename, () => this.#rename(job)),
+      ...(ENDED.includes(job.status) ? [button(JOB.delete, () => this.#delete(job))] : []),
     ];
   }
 
@@ -119,7 +120,7 @@ export class Detail implements View {
   }
 
   async #rename(job: Job): Promise<void> {
-    const name = prompt("Name of the job", job.name ?? "");
+    const name = prompt(JOB.nameOf, job.name ?? "");
     if (name !== null) {
       await this.#do(async () => this.#feed.put(await ask<Job>(`jobs/${job.id}`, "PATCH", { name: name || null })));
     }
@@ -128,11 +129,11 @@ export class Detail implements View {
   // It is gone from here at once, and from the server when nobody has taken it back.
   #delete(job: Job): void {
     let isWanted = false;
-    const undo = button("Undo", () => {
+    const undo = button(JOB.undo, () => {
       isWanted = true;
       this.#notice.replaceChildren();
     });
-    this.#notice.replaceChildren(h("p", { class: "toast", role: "status" }, "This job will be deleted; what it made stays. ", undo));
+    this.#notice.replaceChildren(h("p", { class: "toast", role: "status" }, JOB.deleted, undo));
     setTimeout(() => {
       if (isWanted) return;
       void this.#do(async () => {
@@ -151,19 +152,19 @@ export class Detail implements View {
     const report = job.kind === "policy.evaluate" && artifacts.data.find(({ name }) => name === "report.json");
     const reports = report ? await ask<Evaluation[]>(`artifacts/${report.hash}`).catch(() => []) : [];
     this.#made.replaceChildren(
-      ...(reports.length > 0 ? [section("Evaluation", evaluations(reports))] : []),
-      section("What came of it", outputs(job), files(artifacts.data)),
-      section("What it was told", facts(parameters(job))),
+      ...(reports.length > 0 ? [section(EVALUATION.title, evaluations(reports))] : []),
+      section(JOB.made, outputs(job), files(artifacts.data)),
+      section(JOB.told, facts(parameters(job))),
     );
   }
 }
 
 function stands(job: Job): string {
-  if (job.status === "queued") return job.attempt > 0 ? "It waits to go on." : "It waits for its turn.";
-  if (job.status === "cancelling") return "It is stopping.";
+  if (job.status === "queued") return job.attempt > 0 ? JOB.waitsAgain : JOB.waits;
+  if (job.status === "cancelling") return JOB.stopping;
   if (ENDED.includes(job.status) && job.started_at && job.finished_at) {
     const took = (Date.parse(job.finished_at) - Date.parse(job.started_at)) / 1000;
-    return `${when(job.started_at)}, ${duration(took)}${job.attempt > 1 ? `, begun ${job.attempt} times` : ""}`;
+    return `${when(job.started_at)}, ${duration(took)}${job.attempt > 1 ? JOB.begun(job.attempt) : ""}`;
   }
   return progressInWords(job);
 }
@@ -175,11 +176,11 @@ function failed({ message, hint, code, param }: NonNullable<Job["error"]>): HTML
 function outputs(job: Job): HTMLElement | string {
   const { dataset_id, model_id } = job.outputs;
   const pairs: [string, Node | string][] = [];
-  if (dataset_id) pairs.push(["Dataset", link(`datasets/${dataset_id}`, dataset_id)]);
-  if (model_id) pairs.push(["Model", link(`models/${model_id}`, model_id)]);
-  if (model_id && job.kind === "policy.train") pairs.push(["Demo", demo(`model=${model_id}`, "Try it in the demo")]);
+  if (dataset_id) pairs.push([FACTS.dataset, link(`datasets/${dataset_id}`, dataset_id)]);
+  if (model_id) pairs.push([FACTS.model, link(`models/${model_id}`, model_id)]);
+  if (model_id && job.kind === "policy.train") pairs.push([FACTS.demo, demo(`model=${model_id}`, DEMO.tryIt)]);
   if (pairs.length > 0) return facts(pairs);
-  return ENDED.includes(job.status) ? "" : "Nothing yet.";
+  return ENDED.includes(job.status) ? "" : JOB.madeNothing;
 }
 
 function files(artifacts: Artifact[]): HTMLElement | null {
@@ -196,6 +197,6 @@ function parameters(job: Job): [string, Node | string][] {
     return typeof set === "number" ? number(set) : String(set);
   };
   const set = Object.entries(job.params).filter(([, given]) => given !== null);
-  const worker: [string, string][] = job.worker ? [["worker", `${job.worker.host}, ngf ${job.worker.version}`]] : [];
+  const worker: [string, string][] = job.worker ? [[JOB.worker, JOB.workerOf(job.worker.host, job.worker.version)]] : [];
   return [...set.map(([name, given]): [string, Node | string] => [name, value(name, given)]), ...worker];
 }

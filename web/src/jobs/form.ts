@@ -4,9 +4,11 @@ import { API, ask, type List, Refused } from "../common/api";
 import { button, h } from "../common/dom";
 import { refusal } from "../common/parts";
 import { type Description, describe, members, type Schema } from "../common/openapi";
-import { duration, label, number, size } from "../common/words";
+import { duration, label, number, size } from "../common/numbers";
+import { COPY_AS_CURL } from "../common/strings";
 import type { Feed } from "./feed";
-import { type Job, KINDS, title } from "./types";
+import { DATASETS, FORM, KINDS, PARAMETERS } from "./strings";
+import { type Job, title } from "./types";
 import type { View } from "./view";
 
 type Field = HTMLInputElement | HTMLSelectElement;
@@ -17,15 +19,6 @@ const PAUSE = 350;
 // Hints with more letters stand below.
 const LONG = 70;
 
-const NAMES: Record<string, string> = {
-  dataset_id: "Dataset",
-  encoder_id: "Encoder",
-  model_id: "Model",
-  mesh_id: "Mesh",
-  mass_kg: "Mass (kg)",
-  density_kg_m3: "Density (kg/m³)",
-};
-
 // Which records a parameter may name.
 const RECORDS: Record<string, { path: string; label: (record: Record<string, unknown>) => string }> = {
   dataset_id: { path: "datasets", label: ({ id, config }) => `${String(id)}, ${preset(config)}` },
@@ -35,13 +28,13 @@ const RECORDS: Record<string, { path: string; label: (record: Record<string, unk
 };
 
 export class NewJob implements View {
-  readonly element = h("article", { class: "new-job" }, h("h1", {}, "New job"));
+  readonly element = h("article", { class: "new-job" }, h("h1", {}, FORM.title));
   readonly #feed: Feed;
-  readonly #kinds = h("fieldset", { class: "kinds" }, h("legend", { class: "visually-hidden" }, "What to do"));
+  readonly #kinds = h("fieldset", { class: "kinds" }, h("legend", { class: "visually-hidden" }, FORM.whatToDo));
   readonly #fields = h("div", { class: "fields" });
   readonly #estimate = h("p", { class: "estimate", role: "status" });
   readonly #problem = h("div");
-  readonly #name = h("input", { type: "text", maxlength: 200, placeholder: "for people" });
+  readonly #name = h("input", { type: "text", maxlength: 200, placeholder: FORM.forPeople });
   readonly #inputs = new Map<string, Field>();
   #description: Description | null = null;
   #kind = Object.keys(KINDS)[0]!;
@@ -50,11 +43,11 @@ export class NewJob implements View {
 
   constructor(feed: Feed, query: URLSearchParams) {
     this.#feed = feed;
-    const submit = button("Begin", () => this.#begin(), { class: "primary" });
-    const copy = button("Copy as curl", () => this.#copy());
+    const submit = button(FORM.begin, () => this.#begin(), { class: "primary" });
+    const copy = button(COPY_AS_CURL, () => this.#copy());
     this.element.append(
       this.#kinds,
-      h("label", { class: "line" }, h("span", {}, "Name"), this.#name),
+      h("label", { class: "line" }, h("span", {}, FORM.name), this.#name),
       this.#fields,
       this.#estimate,
       this.#problem,
@@ -74,7 +67,7 @@ export class NewJob implements View {
       const clone = query.get("clone");
       const like = clone ? (this.#feed.jobs.get(clone) ?? (await this.#feed.fetch(clone))) : null;
       this.#kind = like?.kind ?? query.get("kind") ?? this.#kind;
-      if (like) this.#name.value = `${title(like)}, changed`;
+      if (like) this.#name.value = FORM.changed(title(like));
       for (const [value, text] of Object.entries(KINDS)) {
         const input = h("input", { type: "radio", name: "kind", value, change: () => void this.#choose(value, {}) });
         input.checked = value === this.#kind;
@@ -82,7 +75,7 @@ export class NewJob implements View {
       }
       await this.#choose(this.#kind, like?.params ?? Object.fromEntries(query));
     } catch (error) {
-      this.element.replaceChildren(h("h1", {}, "New job"), refusal(error));
+      this.element.replaceChildren(h("h1", {}, FORM.title), refusal(error));
     }
   }
 
@@ -105,7 +98,7 @@ export class NewJob implements View {
       const hint = (properties[name]?.description ?? "").replaceAll("`", "");
       const note = h("small", { class: hint.length > LONG ? "hint is-long" : "hint", id: `hint-${name}` }, hint);
       input.setAttribute("aria-describedby", note.id);
-      this.#fields.append(h("label", { class: "line", "data-param": name }, h("span", {}, NAMES[name] ?? label(name)), input, note));
+      this.#fields.append(h("label", { class: "line", "data-param": name }, h("span", {}, PARAMETERS[name] ?? label(name)), input, note));
     }
     await this.#check();
   }
@@ -172,8 +165,8 @@ export class NewJob implements View {
         if (input instanceof HTMLInputElement) input.placeholder = typeof resolved === "number" ? number(resolved) : "";
       }
       const { seconds, bytes } = job.estimate ?? {};
-      const parts = [seconds && `about ${duration(seconds)}`, bytes && `${size(bytes)} of disk`].filter(Boolean);
-      this.#estimate.textContent = parts.length > 0 ? `It takes ${parts.join(" and ")}.` : "";
+      const parts = [seconds && FORM.about(duration(seconds)), bytes && FORM.disk(size(bytes))].filter((part) => typeof part === "string");
+      this.#estimate.textContent = parts.length > 0 ? FORM.takes(parts) : "";
     } catch (error) {
       if (asked === this.#asked) this.#blame(error);
     }
@@ -207,7 +200,7 @@ export class NewJob implements View {
   async #copy(): Promise<void> {
     const body = JSON.stringify(this.#request()).replaceAll("'", "'\\''");
     await navigator.clipboard.writeText(`curl -fsS -d '${body}' ${new URL("jobs", API).href}`);
-    this.#estimate.textContent = "Copied.";
+    this.#estimate.textContent = FORM.copied;
   }
 }
 
@@ -222,14 +215,14 @@ function order(name: string, required: string[]): number {
 async function recordsOf(name: string, { path, label: text }: (typeof RECORDS)[string]): Promise<[string, string][]> {
   const { data } = await ask<List<Record<string, unknown>>>(`${path}?limit=100`);
   const records = data.map((record): [string, string] => [String(record["id"]), text(record)]);
-  return name === "model_id" ? [...records, ["planner", "planner: knows the object, plans a grasp of its own"]] : records;
+  return name === "model_id" ? [...records, ["planner", FORM.planner]] : records;
 }
 
 function modelLabel({ id, kind, step }: Record<string, unknown>): string {
-  return [String(id), kind, step == null ? null : `step ${String(step)}`].filter(Boolean).join(", ");
+  return [String(id), kind, step == null ? null : FORM.step(String(step))].filter(Boolean).join(", ");
 }
 
 function preset(config: unknown): string {
   const objects = (config as { objects?: string[] } | undefined)?.objects ?? [];
-  return objects.length > 3 ? `${objects.length} objects` : objects.map(label).join(", ");
+  return objects.length > 3 ? DATASETS.objects(objects.length) : objects.map(label).join(", ");
 }

@@ -3,8 +3,10 @@
 import { API, ask, type List, send } from "../common/api";
 import { button, h } from "../common/dom";
 import { download, facts, link, refusal, section, table } from "../common/parts";
-import { count, label, size, when } from "../common/words";
+import { count, label, size, when } from "../common/numbers";
+import { outOf } from "../common/strings";
 import { demo, evaluations } from "./parts";
+import { DATASET, DATASETS, DEMO, EVALUATION, FACTS, MESHES, MODEL, MODELS } from "./strings";
 import type { Evaluation } from "./types";
 import type { View } from "./view";
 
@@ -42,13 +44,13 @@ export function datasets(): View {
     const { data } = await ask<List<DatasetRecord>>("datasets?limit=100");
     const rows = data.map((one) => [
       link(`datasets/${one.id}`, one.id),
-      one.config.objects.length > 3 ? `${one.config.objects.length} objects` : one.config.objects.map(label).join(", "),
+      one.config.objects.length > 3 ? DATASETS.objects(one.config.objects.length) : one.config.objects.map(label).join(", "),
       count(kept(one)),
       size(one.bytes),
       when(one.created_at),
     ]);
-    const none = h("p", { class: "hint" }, "None yet. A job makes one.");
-    return [h("h1", {}, "Datasets"), rows.length > 0 ? table(["Dataset", "Of", "Demonstrations", "Size", "Made"], rows, [2, 3]) : none];
+    const none = h("p", { class: "hint" }, DATASETS.none);
+    return [h("h1", {}, DATASETS.title), rows.length > 0 ? table(DATASETS.head, rows, [2, 3]) : none];
   });
 }
 
@@ -60,19 +62,19 @@ export function dataset(id: string): View {
       const others = Object.entries(fates)
         .filter(([fate, n]) => fate !== "kept" && n > 0)
         .map(([fate, n]) => `${count(n)} ${fate.replaceAll("_", " ")}`);
-      return [label(object), `${count(fates["kept"] ?? 0)} of ${count(all)}`, `${enough} of ${poses}`, others.join(", ")];
+      return [label(object), outOf(count(fates["kept"] ?? 0), count(all)), outOf(enough, poses), others.join(", ")];
     });
     return [
-      h("h1", {}, "Dataset"),
+      h("h1", {}, DATASET.title),
       facts([
-        ["Id", one.id],
-        ["Made by", link(`jobs/${one.job}`, one.job)],
-        ["Made", when(one.created_at)],
-        ["Size", size(one.bytes)],
-        ["Seed", String(one.config.seed)],
+        [FACTS.id, one.id],
+        [FACTS.madeBy, link(`jobs/${one.job}`, one.job)],
+        [FACTS.made, when(one.created_at)],
+        [FACTS.size, size(one.bytes)],
+        [FACTS.seed, String(one.config.seed)],
       ]),
-      section("Objects", table(["Object", "Kept", "Poses with enough", "The others"], rows, [1, 2])),
-      section("Demonstrations", episodes(id)),
+      section(DATASET.objects, table(DATASET.objectsHead, rows, [1, 2])),
+      section(DATASET.episodes, episodes(id)),
     ];
   });
 }
@@ -81,7 +83,7 @@ export function dataset(id: string): View {
 function episodes(id: string): HTMLElement {
   const body = h("div");
   let last = -1;
-  const more = button("More", () => fetchMore());
+  const more = button(DATASET.more, () => fetchMore());
   const fetchMore = async () => {
     const page = await ask<List<EpisodeEntry>>(`datasets/${id}/episodes?limit=20${last >= 0 ? `&after=${last}` : ""}`);
     last = page.data.at(-1)?.index ?? last;
@@ -90,10 +92,10 @@ function episodes(id: string): HTMLElement {
       label(object),
       String(pose_index),
       `${(100 * x).toFixed(1)}, ${(100 * y).toFixed(1)} cm, ${((180 / Math.PI) * yaw).toFixed(0)}°`,
-      demo(`episode=${id}/${index}`, "Play"),
+      demo(`episode=${id}/${index}`, DEMO.play),
       download(new URL(`datasets/${id}/episodes/${index}`, API).href, `${id}-${index}.json`),
     ]);
-    body.append(table(["Number", "Object", "Pose", "x, y, turn", "", "File"], rows, [0, 2]));
+    body.append(table(DATASET.episodesHead, rows, [0, 2]));
     more.hidden = !page.has_more;
   };
   fetchMore().catch((error: unknown) => body.append(refusal(error)));
@@ -118,10 +120,10 @@ export function models(): View {
       link(`models/${one.id}`, one.id),
       one.kind ?? "policy",
       one.step == null ? "" : one.step.toLocaleString("en"),
-      one.created_at ? when(one.created_at) : "came with the program",
-      one.kind === "encoder" ? "" : demo(`model=${one.id}`, "Try in demo"),
+      one.created_at ? when(one.created_at) : MODELS.builtIn,
+      one.kind === "encoder" ? "" : demo(`model=${one.id}`, DEMO.tryIn),
     ]);
-    return [h("h1", {}, "Models"), table(["Model", "Kind", "Step", "Made", ""], rows, [2])];
+    return [h("h1", {}, MODELS.title), table(MODELS.head, rows, [2])];
   });
 }
 
@@ -130,24 +132,24 @@ export function model(id: string): View {
     const one = await ask<ModelRecord>(`models/${id}`);
     const isPolicy = one.kind !== "encoder";
     const reports = [...(one.evaluations ?? []).flatMap(({ reports }) => reports), ...(one.card?.evaluation ?? [])];
-    const about: [string, Node | string][] = [["Id", one.id]];
-    if (one.job) about.push(["Made by", link(`jobs/${one.job}`, one.job)]);
-    if (one.step != null) about.push(["Step", one.step.toLocaleString("en")]);
-    if (isPolicy) about.push(["Demo", demo(`model=${one.id}`, "Try it in the demo")]);
+    const about: [string, Node | string][] = [[FACTS.id, one.id]];
+    if (one.job) about.push([FACTS.madeBy, link(`jobs/${one.job}`, one.job)]);
+    if (one.step != null) about.push([FACTS.step, one.step.toLocaleString("en")]);
+    if (isPolicy) about.push([FACTS.demo, demo(`model=${one.id}`, DEMO.tryIt)]);
     const files = Object.entries(one.files).map(([name, { url, bytes, blake3 }]) => [
       download(new URL(`..${url}`, location.href).href, name, bytes),
       h("code", {}, blake3.slice(0, 16)),
     ]);
     return [
-      h("h1", {}, "Model"),
+      h("h1", {}, MODEL.title),
       facts(about),
       isPolicy &&
         section(
-          "Evaluation",
-          reports.length > 0 ? evaluations(reports) : h("p", { class: "hint" }, "It has not been evaluated yet."),
-          h("p", {}, link(`new?kind=policy.evaluate&model_id=${one.id}`, "Evaluate it")),
+          EVALUATION.title,
+          reports.length > 0 ? evaluations(reports) : h("p", { class: "hint" }, EVALUATION.none),
+          h("p", {}, link(`new?kind=policy.evaluate&model_id=${one.id}`, EVALUATION.evaluateIt)),
         ),
-      section("Files", table(["File", "BLAKE3"], files)),
+      section(MODEL.files, table(MODEL.filesHead, files)),
     ].filter((node): node is HTMLElement => node !== false);
   });
 }
@@ -163,10 +165,10 @@ export function meshes(): View {
   return fetched(async () => {
     const { data } = await ask<List<MeshRecord>>("meshes?limit=100");
     const body = h("div");
-    const show = (all: MeshRecord[]) => body.replaceChildren(all.length > 0 ? meshTable(all, refresh) : h("p", { class: "hint" }, "None yet."));
+    const show = (all: MeshRecord[]) => body.replaceChildren(all.length > 0 ? meshTable(all, refresh) : h("p", { class: "hint" }, MESHES.none));
     const refresh = async () => show((await ask<List<MeshRecord>>("meshes?limit=100")).data);
     const notice = h("div");
-    const input = h("input", { type: "file", accept: ".obj,.stl,.ply,.glb", "aria-label": "Mesh file" });
+    const input = h("input", { type: "file", accept: ".obj,.stl,.ply,.glb", "aria-label": MESHES.file });
     input.addEventListener("change", async () => {
       notice.replaceChildren();
       try {
@@ -178,8 +180,7 @@ export function meshes(): View {
       input.value = "";
     });
     show(data);
-    const hint = "Meshes that the server keeps, for datasets and evaluations. What is dropped on the demo stays on your device.";
-    return [h("h1", {}, "Meshes"), h("p", { class: "hint" }, hint), h("p", {}, input), notice, body];
+    return [h("h1", {}, MESHES.title), h("p", { class: "hint" }, MESHES.hint), h("p", {}, input), notice, body];
   });
 }
 
@@ -187,15 +188,15 @@ function meshTable(all: MeshRecord[], refresh: () => Promise<void>): HTMLElement
   const rows = all.map(({ id, name, bytes, report }) => [
     name,
     report.extent_m.map((side) => (100 * side).toFixed(1)).join(" × ") + " cm",
-    `${count(report.triangles)}, ${report.watertight ? "closed" : "open"}`,
+    MESHES.triangles(count(report.triangles), report.watertight),
     size(bytes),
-    demo(`mesh=${id}`, "Try in demo"),
-    link(`new?kind=mesh.prepare&mesh_id=${id}`, "Convex parts"),
-    button("Delete", async () => {
+    demo(`mesh=${id}`, DEMO.tryIn),
+    link(`new?kind=mesh.prepare&mesh_id=${id}`, MESHES.parts),
+    button(MESHES.delete, async () => {
       await ask(`meshes/${id}`, "DELETE");
       await refresh();
     }),
   ]);
-  return table(["Mesh", "Size", "Triangles", "File", "", "", ""], rows);
+  return table(MESHES.head, rows);
 }
 

@@ -3,6 +3,7 @@
 import { API, send } from "../common/api";
 import { h } from "../common/dom";
 import type { Feed } from "./feed";
+import { LOG } from "./strings";
 import { ENDED, type Job } from "./types";
 
 // Bytes of the end that are fetched first, and how often more is asked for (ms).
@@ -13,7 +14,7 @@ const MOST = 5000;
 
 export class Log {
   readonly element: HTMLElement;
-  readonly #lines = h("pre", { class: "log", tabindex: 0, role: "log", "aria-label": "Log" });
+  readonly #lines = h("pre", { class: "log", tabindex: 0, role: "log", "aria-label": LOG.title });
   readonly #level: HTMLSelectElement;
   readonly #search: HTMLInputElement;
   readonly #follow: HTMLInputElement;
@@ -28,24 +29,24 @@ export class Log {
     this.#id = job.id;
     this.#level = h(
       "select",
-      { "aria-label": "Lines", change: () => this.#draw() },
-      h("option", { value: "" }, "all lines"),
-      h("option", { value: "warning|error|panicked" }, "warnings and errors"),
+      { "aria-label": LOG.lines, change: () => this.#draw() },
+      h("option", { value: "" }, LOG.all),
+      h("option", { value: "warning|error|panicked" }, LOG.warnings),
     );
-    this.#search = h("input", { type: "search", placeholder: "Search", "aria-label": "Search the log", input: () => this.#draw() });
+    this.#search = h("input", { type: "search", placeholder: LOG.search, "aria-label": LOG.searchIt, input: () => this.#draw() });
     this.#follow = h("input", { type: "checkbox", checked: true, change: () => this.#draw() });
     const url = new URL(`jobs/${job.id}/logs`, API).href;
     this.element = h(
       "section",
       {},
-      h("h2", {}, "Log"),
+      h("h2", {}, LOG.title),
       h(
         "div",
         { class: "controls" },
         this.#level,
         this.#search,
-        h("label", {}, this.#follow, "follow"),
-        h("a", { href: url, download: `${job.id}.txt` }, "Download"),
+        h("label", {}, this.#follow, LOG.follow),
+        h("a", { href: url, download: `${job.id}.txt` }, LOG.download),
       ),
       this.#lines,
     );
@@ -89,7 +90,7 @@ export class Log {
     const level = new RegExp(this.#level.value, "i");
     const wanted = this.#search.value.toLowerCase();
     const shown = this.#text.filter((line) => level.test(line) && line.toLowerCase().includes(wanted));
-    this.#lines.textContent = shown.join("\n").trimEnd() || "Nothing yet.";
+    this.#lines.textContent = shown.join("\n").trimEnd() || LOG.none;
     if (this.#follow.checked) this.#lines.scrollTop = this.#lines.scrollHeight;
   }
 }

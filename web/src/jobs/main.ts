@@ -5,10 +5,11 @@ import { element, h } from "../common/dom";
 import { refusal } from "../common/parts";
 import { Comparison } from "./compare";
 import { Detail } from "./detail";
-import { type Connection, Feed } from "./feed";
+import { Feed } from "./feed";
 import { NewJob } from "./form";
 import { dataset, datasets, meshes, model, models } from "./library";
 import { Rail } from "./rail";
+import { CONNECTION, LIST } from "./strings";
 import type { View } from "./view";
 
 const feed = new Feed();
@@ -19,11 +20,10 @@ const rail = new Rail(feed, (ids) => {
 });
 let view: View | null = null;
 
-const WORDS: Record<Connection, string> = { connecting: "connecting", live: "live", lost: "connection lost, trying again" };
 const connection = element("connection", HTMLElement);
 feed.listen({
   connection: (state) => {
-    connection.textContent = WORDS[state];
+    connection.textContent = CONNECTION[state];
     connection.dataset["state"] = state;
   },
 });
@@ -55,7 +55,7 @@ function show(): void {
   const route = location.hash.slice(1);
   view?.close?.();
   view = viewOf(route);
-  detail.replaceChildren(view?.element ?? h("p", { class: "empty hint" }, "Choose a job, or begin a new one."));
+  detail.replaceChildren(view?.element ?? h("p", { class: "empty hint" }, LIST.choose));
   detail.scrollTop = 0;
   document.body.classList.toggle("has-detail", view !== null);
   rail.choose(/^jobs\/(job_\w+)/.exec(route)?.[1] ?? null);

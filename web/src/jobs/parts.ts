@@ -2,7 +2,9 @@
 
 import { h } from "../common/dom";
 import { table } from "../common/parts";
-import { duration, number, percent } from "../common/words";
+import { duration, label, number, percent } from "../common/numbers";
+import { outOf } from "../common/strings";
+import { EVALUATION, PROGRESS } from "./strings";
 import type { Evaluation, Job } from "./types";
 
 export function chip(status: string): HTMLElement {
@@ -14,26 +16,26 @@ export function progressInWords(job: Job): string {
   const { progress, phase } = job;
   const name = (phase ?? "").replaceAll("_", " ");
   if (!progress) return name;
-  const done = `${progress.completed.toLocaleString("en")} of ${progress.total.toLocaleString("en")} ${progress.unit}`;
-  const rate = progress.rate_per_second ? `, ${number(progress.rate_per_second)} a second` : "";
-  const left = job.status === "running" && progress.eta_seconds !== null ? `, ${duration(progress.eta_seconds)} left` : "";
-  return `${name}: ${done}${rate}${left}`;
+  const done = `${outOf(progress.completed.toLocaleString("en"), progress.total.toLocaleString("en"))} ${progress.unit}`;
+  const rate = progress.rate_per_second && PROGRESS.rate(number(progress.rate_per_second));
+  const left = job.status === "running" && progress.eta_seconds !== null && PROGRESS.left(duration(progress.eta_seconds));
+  return `${name}: ${[done, rate, left].filter(Boolean).join(", ")}`;
 }
 
 // How often what was lifted.
 export function evaluations(reports: Evaluation[]): HTMLElement {
   const rows = reports.map((report) => [
-    report.object.replaceAll("_", " "),
+    label(report.object),
     report.policy,
     share(report),
-    `${report.lifted} of ${report.attempts}`,
+    outOf(report.lifted, report.attempts),
     `${percent(report.wilson95[0])} – ${percent(report.wilson95[1])}`,
     Object.entries(report.failures)
       .map(([reason, count]) => `${count} ${reason.replaceAll("_", " ")}`)
       .join(", "),
     String(report.seed),
   ]);
-  return table(["Object", "By", "", "Lifted", "95 % interval", "Failures", "First seed"], rows, [3]);
+  return table(EVALUATION.head, rows, [3]);
 }
 
 // A bar from 0 to 1 with its interval.

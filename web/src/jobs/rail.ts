@@ -3,7 +3,7 @@
 import { element, h } from "../common/dom";
 import type { Feed } from "./feed";
 import { Row } from "./row";
-import { KINDS } from "./types";
+import { KINDS, LIST } from "./strings";
 
 export class Rail {
   readonly #feed: Feed;
@@ -66,7 +66,7 @@ export class Rail {
       }
     }
     const isEmpty = this.#rows.size === 0;
-    this.#end.textContent = isEmpty ? "No jobs yet." : this.#feed.hasMore ? "Fetching more…" : "";
+    this.#end.textContent = isEmpty ? LIST.none : this.#feed.hasMore ? LIST.more : "";
   }
 
   // Ids sort by time, and the newest stands first. Most that come are older than all, or newer.

@@ -1,8 +1,9 @@
 // A job in the list. It changes in place: what is replaced under the pointer cannot be clicked.
 
 import { h } from "../common/dom";
-import { duration } from "../common/words";
-import { ENDED, type Job, KINDS, title } from "./types";
+import { duration, when } from "../common/numbers";
+import { KINDS, LIST, PROGRESS } from "./strings";
+import { ENDED, type Job, title } from "./types";
 
 export class Row {
   readonly element: HTMLLIElement;
@@ -10,7 +11,7 @@ export class Row {
   readonly #chip = h("span");
   readonly #about = h("span", { class: "hint" });
   readonly #note = h("span", { class: "hint is-number" });
-  readonly #bar = h("progress", { max: 1, "aria-label": "Progress" });
+  readonly #bar = h("progress", { max: 1, "aria-label": PROGRESS.title });
   readonly #link: HTMLAnchorElement;
   readonly #mark: HTMLInputElement;
 
@@ -29,7 +30,7 @@ export class Row {
 
   update(job: Job): void {
     this.#name.textContent = title(job);
-    this.#mark.setAttribute("aria-label", `Compare ${title(job)}`);
+    this.#mark.setAttribute("aria-label", LIST.compare(title(job)));
     this.#chip.textContent = job.status;
     this.#chip.className = `chip is-${job.status}`;
     this.#about.textContent = job.name ? (KINDS[job.kind] ?? job.kind) : (job.phase ?? "").replaceAll("_", " ");
@@ -50,7 +51,7 @@ export class Row {
 
 // How long yet, how long it took, or when it was asked for.
 function note({ status, progress, started_at, finished_at, created_at }: Job): string {
-  if (status === "running" && progress?.eta_seconds != null) return `${duration(progress.eta_seconds)} left`;
+  if (status === "running" && progress?.eta_seconds != null) return PROGRESS.left(duration(progress.eta_seconds));
   if (started_at && finished_at) return duration((Date.parse(finished_at) - Date.parse(started_at)) / 1000);
-  return new Date(created_at).toLocaleString("en-GB", { dateStyle: "short", timeStyle: "short" });
+  return when(created_at);
 }

@@ -1,5 +1,7 @@
 // Jobs and what comes of them, as the server tells (docs/api.md).
 
+import { KINDS } from "./strings";
+
 export type Status = "queued" | "running" | "paused" | "cancelling" | "succeeded" | "failed" | "cancelled";
 
 export interface Progress {
@@ -76,14 +78,6 @@ export interface Evaluation {
 export type Columns = Record<string, (number | null)[]>;
 
 export const ENDED: Status[] = ["succeeded", "failed", "cancelled"];
-
-export const KINDS: Record<string, string> = {
-  "dataset.generate": "Make a dataset",
-  "encoder.train": "Train an encoder",
-  "policy.train": "Train a policy",
-  "policy.evaluate": "Evaluate a policy",
-  "mesh.prepare": "Look at a mesh",
-};
 
 export function title(job: Job): string {
   return job.name ?? KINDS[job.kind] ?? job.kind;

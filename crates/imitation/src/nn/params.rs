@@ -115,6 +115,17 @@ impl Params {
         self.vars.values()
     }
 
+    /// The same parameters, rounded to so many bits of mantissa, 22 at most.
+    pub fn with_mantissa(&self, bits: u32) -> Result<Self> {
+        let mut coarse = Self::default();
+        for (name, var) in &self.vars {
+            let values = var.flatten_all()?.to_vec1::<f32>()?;
+            let values = values.into_iter().map(|x| with_mantissa(x, bits)).collect();
+            coarse.add(name, var.dims(), values)?;
+        }
+        Ok(coarse)
+    }
+
     /// Safetensors in half precision, with further tensors beside the parameters.
     pub fn export(&self, more: &[(&str, Vec<usize>, &[f32])]) -> Result<Vec<u8>> {
         let halves = |values: &[f32]| -> Vec<u8> {
@@ -156,5 +167,34 @@ impl Params {
         }
         let rows: Vec<_> = rows.iter().map(|(n, s, x)| (*n, s.clone(), x.as_slice())).collect();
         dataset::store::encode(&rows, None)
+    }
+}
+
+/// The nearest number with so many bits of mantissa; of two, the even one.
+fn with_mantissa(x: f32, bits: u32) -> f32 {
+    let dropped = f32::MANTISSA_DIGITS - 1 - bits;
+    let (unit, raw) = (1 << dropped, x.to_bits());
+    let to_even = unit / 2 - 1 + (raw / unit) % 2;
+    f32::from_bits((raw + to_even) / unit * unit)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_short_mantissa_is_the_nearest_one() {
+        assert_eq!(with_mantissa(1.0 + 1.0 / 128.0, 6), 1.0);
+        assert_eq!(with_mantissa(1.0 + 3.0 / 128.0, 6), 1.0 + 2.0 / 64.0);
+        assert_eq!(with_mantissa(-1.999, 6), -2.0);
+        assert_eq!(with_mantissa(0.0, 6), 0.0);
+        let mut params = Params::default();
+        let wave: Vec<f32> = (1..2000).map(|k| 0.3 * libm::sinf((k * k) as f32)).collect();
+        params.add("w", &[wave.len()], wave.clone()).unwrap();
+        let coarse = params.with_mantissa(6).unwrap().values().unwrap();
+        for (x, y) in wave.iter().zip(&coarse) {
+            assert!((x - y).abs() <= x.abs() / 128.0, "{x} became {y}");
+            assert_eq!(y.to_bits() % (1 << 17), 0);
+        }
     }
 }

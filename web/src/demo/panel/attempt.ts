@@ -1,14 +1,9 @@
 // The attempt: its buttons, its phases, what it came to, and how attempts came out so far.
 
 import { element } from "../../common/dom";
+import { percent } from "../../common/numbers";
 import type { Frame, Model, Phase, Tally, Verdict } from "../protocol";
-
-const WORDS: Record<Exclude<Phase, "verdict" | "policy">, string> = {
-  idle: "Drag the object, or press Grasp.",
-  approach: "Moving to the start over the object",
-  lift: "Lifting",
-  hold: "Holding for two seconds",
-};
+import { ATTEMPT, TALLY } from "../strings";
 
 export interface AttemptEvents {
   grasp(seed: number): void;
@@ -58,7 +53,7 @@ export class AttemptPanel {
     this.#hasObject = false;
     this.#actor = null;
     this.#enable();
-    this.#headline.textContent = "Stopped";
+    this.#headline.textContent = ATTEMPT.stopped;
   }
 
   // It is known who acts.
@@ -67,7 +62,7 @@ export class AttemptPanel {
     showTally(tally);
     element("model", HTMLElement).textContent = words;
     const phase = this.#phases.querySelector("[data-phase=policy] button");
-    if (phase) phase.textContent = id === null ? "Planner" : "Policy";
+    if (phase) phase.textContent = id === null ? ATTEMPT.planner : ATTEMPT.policy;
     this.#enable();
   }
 
@@ -119,9 +114,9 @@ export class AttemptPanel {
     [this.#phase, this.#played] = [phase, played];
     if (phase !== "verdict") {
       this.#verdict = null;
-      const actor = played === null ? `The ${this.#actor}` : "A demonstration";
-      this.#headline.textContent = phase === "policy" ? `${actor} closes the hand` : WORDS[phase];
-      if (played !== null) this.#note(`Demonstration: ${played}. No policy acts.`);
+      const closes = played === null ? ATTEMPT.closes(this.#actor ?? "policy") : ATTEMPT.demonstrates;
+      this.#headline.textContent = phase === "policy" ? closes : ATTEMPT.phases[phase];
+      if (played !== null) this.#note(ATTEMPT.noPolicy(played));
     }
     this.#showPhases();
   }
@@ -129,10 +124,9 @@ export class AttemptPanel {
   showVerdict(verdict: Verdict): void {
     this.#verdict = verdict;
     this.#headline.textContent = verdict.words;
-    this.#announcement.textContent = `${verdict.words} ${inWords(verdict.tally)}.`;
-    const what = verdict.played === null ? `Seed ${verdict.seed}${byHand(verdict)}` : `Demonstration: ${verdict.played}`;
-    const end = `ended in state ${verdict.hash.slice(0, 16)}`;
-    this.#note(verdict.pulled ? "Somebody pulled at the object: this one does not count." : `${what} ${end}`);
+    this.#announcement.textContent = `${verdict.words} ${TALLY.lifted(verdict.tally)}.`;
+    const what = verdict.played === null ? ATTEMPT.seed(verdict.seed) + byHand(verdict) : ATTEMPT.demonstration(verdict.played);
+    this.#note(verdict.pulled ? ATTEMPT.pulled : ATTEMPT.ended(what, verdict.hash.slice(0, 16)));
     this.#hash.title = verdict.hash;
     showTally(verdict.tally);
     this.#showPhases();
@@ -140,7 +134,7 @@ export class AttemptPanel {
 
   // It ended as was said beforehand.
   confirm(): void {
-    this.#note(`${this.#hash.textContent}, as in the link`);
+    this.#note(ATTEMPT.asInLink(this.#hash.textContent));
   }
 
   #note(text: string): void {
@@ -167,29 +161,18 @@ export class AttemptPanel {
 }
 
 function byHand({ placed, pose }: Verdict): string {
-  if (!placed) return "";
-  return `, placed by hand at ${pose.x.toFixed(3)}, ${pose.y.toFixed(3)} m, ${pose.yaw.toFixed(3)} rad,`;
+  return placed ? ATTEMPT.byHand(pose.x.toFixed(3), pose.y.toFixed(3), pose.yaw.toFixed(3)) : "";
 }
 
 function showTally(tally: Tally): void {
   const [least, most] = tally.interval;
   const isNew = tally.attempts === 0;
-  element("tally", HTMLElement).textContent = isNew ? "None yet with this object" : inWords(tally);
-  element("tally-hint", HTMLElement).textContent = isNew
-    ? "A seed fixes the pose, the camera’s noise and the target."
-    : `With this object: between ${percent(least)} and ${percent(most)} of attempts, by the 95 % interval. A repeat counts once.`;
+  element("tally", HTMLElement).textContent = isNew ? TALLY.none : TALLY.lifted(tally);
+  element("tally-hint", HTMLElement).textContent = isNew ? TALLY.hint : TALLY.interval(percent(least), percent(most));
   const bar = element("interval", HTMLElement);
   bar.hidden = isNew;
   if (isNew) return;
   const [band, mark] = [bar.querySelector("span"), bar.querySelector("i")];
-  if (band) [band.style.left, band.style.right] = [percent(least), percent(1 - most)];
-  if (mark) mark.style.left = percent(tally.lifted / tally.attempts);
-}
-
-function inWords({ lifted, attempts }: Tally): string {
-  return `${lifted} of ${attempts} lifted`;
-}
-
-function percent(share: number): string {
-  return `${Math.round(share * 100)}%`;
+  if (band) [band.style.left, band.style.right] = [`${100 * least}%`, `${100 * (1 - most)}%`];
+  if (mark) mark.style.left = `${(100 * tally.lifted) / tally.attempts}%`;
 }

@@ -1,8 +1,10 @@
 // Many attempts in a row: how many lifted, which did not and why; each of those can be seen again.
 
 import { element, h } from "../../common/dom";
+import { outOf } from "../../common/strings";
 import { save } from "../save";
 import type { Attempted, ToWorker } from "../protocol";
+import { BATCH } from "../strings";
 
 export interface BatchEvents {
   send(message: ToWorker): void;
@@ -40,7 +42,7 @@ export class BatchPanel {
     this.#failures.replaceChildren();
     this.#wanted = Number(this.#count.value);
     this.#isRunning = true;
-    this.#run.textContent = "Stop";
+    this.#run.textContent = BATCH.stop;
     this.#bar.hidden = false;
     this.#show();
     this.#events.send({ kind: "batch", seed: this.#events.seed(), attempts: this.#wanted });
@@ -54,7 +56,7 @@ export class BatchPanel {
 
   end(): void {
     this.#isRunning = false;
-    this.#run.textContent = "Run";
+    this.#run.textContent = BATCH.run;
     this.#bar.hidden = true;
   }
 
@@ -70,13 +72,13 @@ export class BatchPanel {
     const lifted = this.#rows.filter((row) => row.lifted).length;
     this.#bar.max = this.#wanted;
     this.#bar.value = this.#rows.length;
-    this.#words.textContent = this.#rows.length > 0 ? `${lifted} of ${this.#rows.length}` : "";
+    this.#words.textContent = this.#rows.length > 0 ? outOf(lifted, this.#rows.length) : "";
     this.#csv.hidden = this.#rows.length === 0;
   }
 
   #failure({ seed, words }: Attempted): HTMLLIElement {
-    const button = h("button", { type: "button", class: "quiet", click: () => this.#events.replay(seed) }, "Watch");
-    return h("li", {}, h("span", {}, `Seed ${seed}: ${words}`), button);
+    const button = h("button", { type: "button", class: "quiet", click: () => this.#events.replay(seed) }, BATCH.watch);
+    return h("li", {}, h("span", {}, BATCH.failed(seed, words)), button);
   }
 }
 

@@ -2,6 +2,7 @@
 
 import { element } from "../../common/dom";
 import type { Failure } from "../protocol";
+import { FAILURES } from "../strings";
 
 const MOST = 3;
 
@@ -38,7 +39,7 @@ export class Failures {
     part(".copy").addEventListener("click", () => {
       const text = `${cause}\n${cure}\n${code}, ${navigator.userAgent}`;
       navigator.clipboard.writeText(text).then(
-        () => (part(".copy").textContent = "Copied"),
+        () => (part(".copy").textContent = FAILURES.copied),
         () => getSelection()?.selectAllChildren(card),
       );
     });

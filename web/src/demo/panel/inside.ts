@@ -2,23 +2,20 @@
 
 import { element, h } from "../../common/dom";
 import type { Frame, Joint, Terms, ToWorker } from "../protocol";
+import { INSIDE } from "../strings";
 
 // In the order of Ready: the arm, then finger by finger.
 const GROUPS: [string, number][] = [
-  ["Arm", 7],
-  ["Index", 4],
-  ["Middle", 4],
-  ["Ring", 4],
-  ["Thumb", 4],
+  [INSIDE.groups.arm, 7],
+  [INSIDE.groups.index, 4],
+  [INSIDE.groups.middle, 4],
+  [INSIDE.groups.ring, 4],
+  [INSIDE.groups.thumb, 4],
 ];
 // Nearer to a limit than this share of the way is worth seeing.
 const NEAR = 0.03;
 
-const PLOTS: { key: keyof Terms; name: string; unit: string }[] = [
-  { key: "energy", name: "Energy ½ q̇ᵀq̇", unit: "rad²/s²" },
-  { key: "damping", name: "Damping λmax(B) + β", unit: "1/s" },
-  { key: "margin", name: "Nearest limit", unit: "rad" },
-];
+const PLOTS: (keyof Terms)[] = ["energy", "damping", "margin"];
 
 export class InsidePanel {
   readonly #box = element("inside", HTMLDetailsElement);
@@ -30,7 +27,8 @@ export class InsidePanel {
   constructor(send: (message: ToWorker) => void) {
     this.#box.addEventListener("toggle", () => send({ kind: "watch", on: this.#box.open }));
     const plots = element("plots", HTMLElement);
-    for (const { key, name, unit } of PLOTS) {
+    for (const key of PLOTS) {
+      const { name, unit } = INSIDE.plots[key];
       const line = document.createElementNS("http://www.w3.org/2000/svg", "polyline");
       const svg = document.createElementNS("http://www.w3.org/2000/svg", "svg");
       svg.setAttribute("viewBox", "0 0 100 30");
@@ -63,7 +61,7 @@ export class InsidePanel {
   #bar({ name, lower, upper }: Joint): HTMLElement {
     const mark = h("i");
     this.#marks.push(mark);
-    return h("div", { class: "joint", title: `${name}: ${lower.toFixed(2)} to ${upper.toFixed(2)} rad` }, mark);
+    return h("div", { class: "joint", title: INSIDE.limits(name, lower.toFixed(2), upper.toFixed(2)) }, mark);
   }
 
   show({ joints, terms, tick, ticks }: Frame): void {

@@ -2,6 +2,7 @@
 
 import { element } from "../../common/dom";
 import type { Frame, ToWorker } from "../protocol";
+import { PLAYBACK } from "../strings";
 import { Timeline } from "./timeline";
 
 // Slower than this share of what was asked for is worth pointing out.
@@ -74,10 +75,10 @@ export class Playback {
     this.#timeline.show(frame);
     this.#isRunning = running;
     this.#pause.classList.toggle("is-paused", !running);
-    this.#pause.setAttribute("aria-label", running ? "Pause" : "Go on");
+    this.#pause.setAttribute("aria-label", running ? PLAYBACK.pause : PLAYBACK.goOn);
     this.#speed.value = String(factor);
     const isMeasured = running && measured !== null;
-    this.#rate.textContent = isMeasured ? `${measured.toFixed(2)}× real time` : running ? "" : "Paused";
+    this.#rate.textContent = isMeasured ? PLAYBACK.rate(measured.toFixed(2)) : running ? "" : PLAYBACK.paused;
     this.#rate.classList.toggle("is-slow", isMeasured && measured < SLOW * factor);
   }
 }

@@ -1,6 +1,7 @@
 // One bar for whatever takes its time.
 
 import { element } from "../../common/dom";
+import { outOf } from "../../common/strings";
 import type { Progress } from "../protocol";
 
 export function showProgress(progress: Progress): void {
@@ -17,7 +18,7 @@ export function endProgress(): void {
 }
 
 function amount({ done, total, unit }: Progress): string {
-  if (unit === "steps") return total === null ? "" : `${done} of ${total}`;
+  if (unit === "steps") return total === null ? "" : outOf(done, total);
   const megabytes = (bytes: number) => (bytes / 1e6).toFixed(1);
-  return total === null ? `${megabytes(done)} MB` : `${megabytes(done)} of ${megabytes(total)} MB`;
+  return `${total === null ? megabytes(done) : outOf(megabytes(done), megabytes(total))} MB`;
 }

@@ -2,6 +2,7 @@
 
 import { choice, element, h } from "../../common/dom";
 import type { Report, Stands, Told, Unit } from "../protocol";
+import { REPORT } from "../strings";
 
 export class ReportCard {
   readonly #box = element("report", HTMLElement);
@@ -58,7 +59,7 @@ export class ReportCard {
     this.#box.hidden = false;
     this.#size.textContent = `${report.extentCm.map((side) => side.toFixed(1)).join(" × ")} cm`;
     this.#mass.textContent = massInWords(report.massKg);
-    this.#mesh.textContent = meshInWords(report);
+    this.#mesh.textContent = REPORT.mesh(report.triangles.toLocaleString("en"), report.watertight, report.parts);
     this.#fits.textContent = report.fits;
     this.#file.hidden = report.unit === null;
     this.#press(report.unit);
@@ -70,7 +71,7 @@ export class ReportCard {
   }
 
   #showSides({ sides, stands }: Report): void {
-    const names = ["as in the file", ...Array.from({ length: sides }, (_, i) => (i === 0 ? "on its steadiest side" : `on side ${i + 1}`))];
+    const names = [REPORT.asInFile, ...Array.from({ length: sides }, (_, i) => (i === 0 ? REPORT.steadiest : REPORT.onSide(i + 1)))];
     this.#sides.replaceChildren(...names.map((name, i) => h("option", { value: i - 1 }, name)));
     this.#sides.value = String(sideOf(stands));
   }
@@ -86,10 +87,4 @@ function sideOf(stands: Stands | null): number {
 
 function massInWords(kg: number): string {
   return kg < 1 ? `${(kg * 1000).toFixed(0)} g` : `${kg.toFixed(2)} kg`;
-}
-
-function meshInWords({ triangles, watertight, parts }: Report): string {
-  const count = triangles.toLocaleString("en");
-  const closed = watertight ? "watertight" : "open";
-  return `${count} triangles, ${closed}, ${parts} convex ${parts === 1 ? "part" : "parts"}`;
 }

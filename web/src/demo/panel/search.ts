@@ -3,6 +3,7 @@
 import { element } from "../../common/dom";
 import { Engine } from "../engine";
 import type { FromWorker, ToWorker } from "../protocol";
+import { SEARCH } from "../strings";
 
 export interface SearchEvents {
   // What a worker must be told to stand where the first one does.
@@ -12,8 +13,6 @@ export interface SearchEvents {
   follow(grasps: string): void;
   tell(failure: Extract<FromWorker, { kind: "failure" }>): void;
 }
-
-const HINT = "Every mesh gets an answer: grasps are tried in physics, without any learning, and the best one is played.";
 
 export class SearchPanel {
   readonly #events: SearchEvents;
@@ -27,7 +26,7 @@ export class SearchPanel {
   constructor(events: SearchEvents) {
     this.#events = events;
     this.#button.addEventListener("click", () => {
-      if (this.#engine) this.#stop("Stopped.");
+      if (this.#engine) this.#stop(SEARCH.stopped);
       else if (this.#grasps) events.follow(this.#grasps);
       else this.#begin();
     });
@@ -37,7 +36,7 @@ export class SearchPanel {
   // Another object: what was found is not of it.
   clear(): void {
     this.#grasps = null;
-    this.#stop(HINT);
+    this.#stop(SEARCH.hint);
   }
 
   #begin(): void {
@@ -47,17 +46,17 @@ export class SearchPanel {
     this.#engine = engine;
     for (const message of more) engine.send(message);
     engine.send({ kind: "search", seed: this.#events.seed() });
-    this.#button.textContent = "Stop";
+    this.#button.textContent = SEARCH.stop;
     this.#bar.hidden = false;
     this.#bar.removeAttribute("value");
-    this.#words.textContent = "Trying grasps…";
+    this.#words.textContent = SEARCH.trying;
   }
 
   #stop(words: string): void {
     this.#engine?.stop();
     this.#engine = null;
     this.#bar.hidden = true;
-    this.#button.textContent = this.#grasps ? "Play again" : "Search a grasp";
+    this.#button.textContent = this.#grasps ? SEARCH.again : SEARCH.begin;
     this.#words.textContent = words;
   }
 
@@ -69,7 +68,7 @@ export class SearchPanel {
       this.#stop(message.words);
       if (this.#grasps) this.#events.follow(this.#grasps);
     } else if (message.kind === "failure") {
-      this.#stop(HINT);
+      this.#stop(SEARCH.hint);
       this.#events.tell(message);
     }
   }

@@ -5,6 +5,7 @@ import { element } from "../../common/dom";
 import type { Frame, Model, ObjectLoaded, Ready, Told, Verdict } from "../protocol";
 import { save } from "../save";
 import { linkOf, type Shared } from "../share";
+import { SHARE } from "../strings";
 
 export interface ShareEvents {
   // Where the viewer stands and looks.
@@ -17,8 +18,6 @@ export interface ShareEvents {
   // The file that stands there, if it is one.
   file(): File | null;
 }
-
-const HINT = "The link brings others to this attempt; it ends the same there.";
 
 export class SharePanel {
   readonly #events: ShareEvents;
@@ -64,7 +63,7 @@ export class SharePanel {
   show(frame: Frame): void {
     this.#frame = frame;
     // Another attempt has begun.
-    if (this.#verdict && frame.ticks === 0) [this.#verdict, this.#hint.textContent] = [null, HINT];
+    if (this.#verdict && frame.ticks === 0) [this.#verdict, this.#hint.textContent] = [null, SHARE.hint];
     this.#enable();
   }
 
@@ -104,7 +103,7 @@ export class SharePanel {
     this.#store.hidden = !needsFile;
     try {
       await navigator.clipboard.writeText(link);
-      this.#hint.textContent = needsFile ? "Copied. Others need the file of the object, too." : "Copied.";
+      this.#hint.textContent = needsFile ? SHARE.copiedWithoutFile : SHARE.copied;
     } catch {
       this.#hint.textContent = link;
     }
@@ -118,8 +117,8 @@ export class SharePanel {
     if (!file) return;
     this.#sending = new AbortController();
     const words = this.#store.textContent;
-    this.#store.textContent = "Stop sending";
-    this.#hint.textContent = `Sending ${file.name}…`;
+    this.#store.textContent = SHARE.stopSending;
+    this.#hint.textContent = SHARE.sending(file.name);
     try {
       const path = `meshes?name=${encodeURIComponent(file.name)}`;
       const { id } = await ask<{ id: string }>(path, "POST", file, this.#sending.signal);
@@ -127,8 +126,8 @@ export class SharePanel {
       await this.copy();
     } catch (error) {
       const isOwn = this.#sending.signal.aborted;
-      const why = error instanceof Refused && error.problem.status > 0 ? error.problem.detail : "no server answers";
-      this.#hint.textContent = isOwn ? "It was not sent." : `This server does not keep the file: ${why}.`;
+      const why = error instanceof Refused && error.problem.status > 0 ? error.problem.detail : SHARE.noServer;
+      this.#hint.textContent = isOwn ? SHARE.notSent : SHARE.notKept(why);
     } finally {
       this.#sending = null;
       this.#store.textContent = words;
@@ -151,11 +150,11 @@ export class SharePanel {
     recorder.ondataavailable = ({ data }) => parts.push(data);
     recorder.onstop = () => {
       this.#recorder = null;
-      this.#film.textContent = "Film";
+      this.#film.textContent = SHARE.film;
       save("ngf-grasp.webm", new Blob(parts, { type: "video/webm" }));
     };
     recorder.start();
     this.#recorder = recorder;
-    this.#film.textContent = "Stop";
+    this.#film.textContent = SHARE.stop;
   }
 }

@@ -2,6 +2,7 @@
 
 import { element } from "../../common/dom";
 import type { Frame, ToWorker } from "../protocol";
+import { PLAYBACK } from "../strings";
 
 // A control period (s).
 const TICK = 1 / 30;
@@ -41,7 +42,7 @@ export class Timeline {
     this.#slider.disabled = ticks === 0;
     this.#slider.max = String(Math.max(1, ticks));
     if (!this.#isHeld) this.#slider.value = String(tick);
-    this.#slider.setAttribute("aria-valuetext", `${(tick * TICK).toFixed(2)} of ${(ticks * TICK).toFixed(2)} seconds`);
+    this.#slider.setAttribute("aria-valuetext", PLAYBACK.moment((tick * TICK).toFixed(2), (ticks * TICK).toFixed(2)));
     element("clock", HTMLElement).textContent = ticks > 0 ? `${(tick * TICK).toFixed(1)} s` : "";
     this.#phases.forEach((button, i) => (button.disabled = marks[i] === undefined));
   }

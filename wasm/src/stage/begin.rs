@@ -1,0 +1,124 @@
+//! How an attempt begins: by who acts, by grasps that a search found, or as a demonstration was recorded.
+
+use super::{Stage, broken};
+use crate::likeness;
+use crate::protocol::{Cloud, Failure, Found, PlanarPose};
+use crate::upload::{self, Loaded};
+use geometry::Vec3;
+use grasps::grasp::Grasp;
+use grasps::search::{SearchConfig, search};
+use js_sys::Float32Array;
+use rollout::{Attempt, Controller, Demonstration, RolloutError};
+use std::sync::Arc;
+
+impl Stage {
+    /// Begins an attempt: by the policy, or while there is none by the planner.
+    pub(crate) fn begin(&mut self, seed: u32) -> Result<Cloud, Failure> {
+        let PlanarPose { x, y, yaw } = self.pose;
+        let attempt =
+            self.attempt(Some([x, y, yaw]), seed).map_err(|error| cannot_begin(&error))?;
+        (self.played, self.seed) = (None, seed);
+        Ok(self.set_off(attempt))
+    }
+
+    /// An attempt with what stands there, where the seed puts it unless that is told.
+    pub(crate) fn attempt(
+        &self,
+        pose: Option<[f32; 3]>,
+        seed: u32,
+    ) -> Result<Attempt, RolloutError> {
+        let has_policy = self.workcell.model.is_some();
+        let controller = if has_policy { Controller::Policy } else { Controller::Planner };
+        let Loaded { object, name, label, .. } = &self.loaded;
+        let name = name.as_ref().unwrap_or(label);
+        Attempt::begin(&self.workcell, object, name, pose, u64::from(seed), controller)
+    }
+
+    /// Searches grasps of what stands there, in physics.
+    pub(crate) fn search(&self, seed: u32, progress: impl FnMut(f32)) -> Result<Found, Failure> {
+        let robot = &self.workcell.robot;
+        let config = SearchConfig::quick(robot);
+        let found = search(robot, &self.loaded.object, &config, u64::from(seed), progress);
+        let (set, _) = found.map_err(|error| broken(&error))?;
+        let (tried, reliable) = (set.tried, set.reliable);
+        let words = match set.grasps.len() {
+            0 => format!("{tried} grasps were tried; none lifts it reliably."),
+            _ => format!("{tried} grasps were tried; {reliable} lift it reliably."),
+        };
+        let grasps = serde_json::to_string(&set.grasps).map_err(|error| broken(&error))?;
+        Ok(Found { words, grasps, count: set.grasps.len() })
+    }
+
+    /// Begins an attempt with grasps that a search found.
+    pub(crate) fn follow(&mut self, seed: u32, grasps: &str) -> Result<Cloud, Failure> {
+        let grasps: Vec<Grasp> = serde_json::from_str(grasps).map_err(|error| broken(&error))?;
+        let PlanarPose { x, y, yaw } = self.pose;
+        let Loaded { object, label, .. } = &self.loaded;
+        let (pose, controller) = (Some([x, y, yaw]), Controller::Found(Arc::new(grasps)));
+        let attempt =
+            Attempt::begin(&self.workcell, object, label, pose, u64::from(seed), controller)
+                .map_err(|error| cannot_begin(&error))?;
+        self.seed = seed;
+        self.played = Some(format!("a grasp that was searched for {label}"));
+        Ok(self.set_off(attempt))
+    }
+
+    fn set_off(&mut self, attempt: Attempt) -> Cloud {
+        let array = |points: &[Vec3]| {
+            let numbers: Vec<f32> = points.iter().flat_map(|p| p.to_array()).collect();
+            Float32Array::from(numbers.as_slice())
+        };
+        let points = array(attempt.cloud());
+        let reconstruction = array(&attempt.reconstruction(&self.workcell).unwrap_or_default());
+        let likeness = attempt.unlikeness(&self.workcell).map(likeness::words);
+        self.attempt = Some(attempt);
+        self.is_told = false;
+        self.history.clear();
+        self.record();
+        Cloud { points, reconstruction, likeness }
+    }
+
+    /// Begins to play a demonstration from a file, with the object that stands there or a built-in one.
+    pub(crate) fn play(&mut self, file_name: &str, bytes: &[u8]) -> Result<Cloud, Failure> {
+        let unusable = |cause: String, cure: &str| Failure {
+            code: "demonstration_unusable",
+            cause: format!("{file_name} cannot be played: {cause}."),
+            cure: cure.into(),
+        };
+        let file: Demonstration = serde_json::from_slice(bytes).map_err(|error| {
+            unusable(error.to_string(), "Write one with `ngf dataset episode DIR N --out FILE`.")
+        })?;
+        let loaded = if self.object == file.object {
+            None
+        } else {
+            Some(upload::built_in(&file.name).map_err(|_| {
+                let cause = format!("it was made with \"{}\", which is not here", file.name);
+                unusable(cause, "Load that object's mesh first; its mass must be the one it was made with, too.")
+            })?)
+        };
+        let object = loaded.as_ref().map_or(&self.loaded.object, |loaded| &loaded.object);
+        let attempt = file.begin(&self.workcell, object).map_err(|error| {
+            let cure =
+                "Make the dataset with this version of the program, and objects as they are.";
+            unusable(error.to_string(), cure)
+        })?;
+        if let Some(loaded) = loaded {
+            self.load(loaded);
+        }
+        let [x, y, yaw] = file.pose;
+        (self.pose, self.pose_seed) = (PlanarPose { x, y, yaw }, None);
+        self.played = Some(file.demonstration);
+        Ok(self.set_off(attempt))
+    }
+}
+
+/// Why an attempt cannot begin.
+pub(crate) fn cannot_begin(error: &RolloutError) -> Failure {
+    let (code, cure) = match error {
+        RolloutError::NoGrasps(_) | RolloutError::NoModel => {
+            ("policy_missing", "Choose another object, or train a policy with `ngf train`.")
+        }
+        _ => ("attempt_impossible", "Choose another object."),
+    };
+    Failure { code, cause: format!("The attempt cannot begin: {error}."), cure: cure.into() }
+}

@@ -1,0 +1,174 @@
+// What the demo says. Static text stands in index.html; what happens in the simulation is told by the worker.
+
+import type { Tally } from "./protocol";
+
+export const ATTEMPT = {
+  phases: {
+    idle: "Drag the object, or press Grasp.",
+    approach: "Moving to the start over the object",
+    lift: "Lifting",
+    hold: "Holding for two seconds",
+  },
+  policy: "Policy",
+  planner: "Planner",
+  closes: (actor: string) => `The ${actor} closes the hand`,
+  demonstrates: "A demonstration closes the hand",
+  stopped: "Stopped",
+  seed: (seed: number) => `Seed ${seed}`,
+  byHand: (x: string, y: string, yaw: string) => `, placed by hand at ${x}, ${y} m, ${yaw} rad,`,
+  demonstration: (name: string) => `Demonstration: ${name}`,
+  noPolicy: (name: string) => `Demonstration: ${name}. No policy acts.`,
+  ended: (what: string, hash: string) => `${what} ended in state ${hash}`,
+  pulled: "Somebody pulled at the object: this one does not count.",
+  asInLink: (note: string | null) => `${note}, as in the link`,
+} as const;
+
+// How attempts came out so far.
+export const TALLY = {
+  none: "None yet with this object",
+  hint: "A seed fixes the pose, the camera’s noise and the target.",
+  lifted: ({ lifted, attempts }: Tally) => `${lifted} of ${attempts} lifted`,
+  interval: (least: string, most: string) =>
+    `With this object: between ${least} and ${most} of attempts, by the 95 % interval. A repeat counts once.`,
+} as const;
+
+export const BATCH = {
+  run: "Run",
+  stop: "Stop",
+  failed: (seed: number, words: string) => `Seed ${seed}: ${words}`,
+  watch: "Watch",
+} as const;
+
+export const PLAYBACK = {
+  pause: "Pause",
+  goOn: "Go on",
+  paused: "Paused",
+  rate: (measured: string) => `${measured}× real time`,
+  moment: (time: string, whole: string) => `${time} of ${whole} seconds`,
+} as const;
+
+// What is known of the object.
+export const REPORT = {
+  mesh: (triangles: string, watertight: boolean, parts: number) =>
+    `${triangles} triangles, ${watertight ? "watertight" : "open"}, ${parts} convex ${parts === 1 ? "part" : "parts"}`,
+  asInFile: "as in the file",
+  steadiest: "on its steadiest side",
+  onSide: (number: number) => `on side ${number}`,
+} as const;
+
+export const COMPARISON = { planner: "planner" } as const;
+
+export const SEARCH = {
+  hint: "Every mesh gets an answer: grasps are tried in physics, without any learning, and the best one is played.",
+  begin: "Search a grasp",
+  trying: "Trying grasps…",
+  stop: "Stop",
+  stopped: "Stopped.",
+  again: "Play again",
+} as const;
+
+export const SHARE = {
+  hint: "The link brings others to this attempt; it ends the same there.",
+  copied: "Copied.",
+  copiedWithoutFile: "Copied. Others need the file of the object, too.",
+  sending: (file: string) => `Sending ${file}…`,
+  stopSending: "Stop sending",
+  notSent: "It was not sent.",
+  notKept: (why: string) => `This server does not keep the file: ${why}.`,
+  noServer: "no server answers",
+  film: "Film",
+  stop: "Stop",
+} as const;
+
+export const INSIDE = {
+  groups: { arm: "Arm", index: "Index", middle: "Middle", ring: "Ring", thumb: "Thumb" },
+  limits: (joint: string, lower: string, upper: string) => `${joint}: ${lower} to ${upper} rad`,
+  plots: {
+    energy: { name: "Energy ½ q̇ᵀq̇", unit: "rad²/s²" },
+    damping: { name: "Damping λmax(B) + β", unit: "1/s" },
+    margin: { name: "Nearest limit", unit: "rad" },
+  },
+} as const;
+
+// What this browser can do, and what helps where it cannot.
+const UPDATE = "Use Chrome 111, Firefox 121, Safari 16.4 or newer.";
+export const CHECK = {
+  title: "Self-check",
+  allWork: "This browser can do all of it",
+  missing: (bad: number, all: number) => `${bad} of ${all} are missing`,
+  works: "works",
+  cores: (count: number) => `${count} cores`,
+  gigabytes: (count: number) => `${count} GB or more`,
+  close: "Close",
+  webAssembly: { name: "WebAssembly", cure: UPDATE },
+  simd: { name: "SIMD", cure: UPDATE },
+  workers: { name: "Workers", cure: UPDATE },
+  webgl: { name: "WebGL 2", cure: "Turn on hardware acceleration. Without it nothing is drawn, but attempts run and verdicts are told." },
+  isolation: { name: "Isolation", told: "precise clocks", cure: "The host must send COOP and COEP, as `ngf serve` does. It works without, too." },
+  memory: { name: "Memory", cure: "Close other pages." },
+  film: { name: "Film", cure: "Record the screen instead." },
+} as const;
+
+// What is wrong with a link, and with what it brings about.
+const SEE_THERE = "Open it where it was made to see it as it was.";
+export const LINK = {
+  unknownVersion: (version: string) => `it is of version ${version}, which this page does not know`,
+  partMissing: (part: string) => `its part "${part}" is missing`,
+  partNotNumbers: (part: string, count: number) => `its part "${part}" is not ${count} numbers`,
+  damaged: (why: string) => ({ cause: `This link is damaged: ${why}.`, cure: "Ask for it again; perhaps a part of it was cut off." }),
+  otherScene: { cause: "This link was made with another version of the scene: the attempt may end otherwise.", cure: SEE_THERE },
+  otherModel: (policy: string) => ({ cause: `The policy "${policy}" is not the one of the link: the attempt may end otherwise.`, cure: SEE_THERE }),
+  needsFile: (object: string) => ({
+    cause: `This link is about "${object}", a file that it does not contain.`,
+    cure: "Get the file from whoever sent the link, and drop it here.",
+  }),
+  otherObject: (object: string) => ({
+    cause: `${object} is not the object of the link: its shape, mass or friction is another.`,
+    cure: "Look for the very file that the link was made with.",
+  }),
+  otherEnd: {
+    cause: "The attempt ended in another state than in the link.",
+    cure: "Policy, object and scene must be those of the link; compare the notes above.",
+  },
+} as const;
+
+// What is wrong with a file or an archive of them.
+export const FILES = {
+  cannotOpen: (archive: string, why: string) => `${archive} cannot be opened: ${why}`,
+  noMesh: (archive: string) => `${archive} holds no OBJ, STL, PLY or GLB file`,
+  noEnd: "it has no end: perhaps it was not copied as a whole",
+  damagedList: "its list of files is damaged",
+  unknownPacking: (file: string) => `${file} is packed in a way that browsers do not know`,
+  tooLong: (file: string) => `${file} is larger than 50 MB`,
+  unusable: (cause: string) => ({ cause: `${cause}.`, cure: "Take the mesh out of it, and drop that." }),
+  unreadable: (file: string, why: string) => ({
+    cause: `${file} could not be read: ${why}`,
+    cure: "Check that it still exists and may be read, and choose it again.",
+  }),
+  tooLarge: (file: string, megabytes: string, most: number) => ({
+    cause: `${file} has ${megabytes} MB, more than ${most}.`,
+    cure: "Reduce the number of its triangles; the hand does not feel more than a few thousand.",
+  }),
+  notFetched: (why: string) => ({
+    cause: `What this address asks for could not be fetched: ${why}`,
+    cure: "Follow the link again; it may have been deleted meanwhile.",
+  }),
+} as const;
+
+// What else fails.
+export const FAILURES = {
+  copied: "Copied",
+  notLoaded: (why: string) => ({ cause: why, cure: "Reload the page. It needs Chrome 111, Firefox 121, Safari 16.4 or newer." }),
+  stopped: (why: string | undefined) => ({
+    cause: why ? `The simulation stopped: ${why}` : "The simulation did not start.",
+    cure: "Restart it; the page itself is unharmed.",
+  }),
+  graphicsLost: {
+    cause: "The browser took the graphics away.",
+    cure: "They usually come back by themselves; the simulation goes on. Otherwise reload the page.",
+  },
+  graphicsMissing: (why: string) => ({
+    cause: `There is no WebGL here, so nothing can be drawn: ${why}`,
+    cure: "The simulation runs and the verdicts are told all the same. Turn on hardware acceleration, or try another browser.",
+  }),
+} as const;

@@ -1,0 +1,20 @@
+// What the documentation says. Static text stands in docs/index.html, what is told of a request comes from the server.
+
+export const version = (version: string) => `Version ${version}. For programs: `;
+
+// What a request takes and answers.
+export const REQUEST = {
+  parameters: ["Parameter", "In", "Type", ""],
+  members: ["Member", "", "Type", ""],
+  required: "required",
+  from: (least: number) => `from ${least}`,
+  to: (most: number) => `to ${most}`,
+  otherwise: "else",
+} as const;
+
+// Where it is tried.
+export const TRIED = {
+  body: "Body",
+  tryIt: "Try it",
+  bytes: (count: string, kind: string) => `${count} bytes of ${kind}`,
+} as const;

@@ -1,0 +1,173 @@
+// What the jobs page says. Static text stands in jobs/index.html.
+
+export const KINDS: Record<string, string> = {
+  "dataset.generate": "Make a dataset",
+  "encoder.train": "Train an encoder",
+  "policy.train": "Train a policy",
+  "policy.evaluate": "Evaluate a policy",
+  "mesh.prepare": "Look at a mesh",
+};
+
+// The bar at the top, and the list.
+export const CONNECTION = { connecting: "connecting", live: "live", lost: "connection lost, trying again" } as const;
+
+export const LIST = {
+  choose: "Choose a job, or begin a new one.",
+  none: "No jobs yet.",
+  more: "Fetching more…",
+  compare: (title: string) => `Compare ${title}`,
+} as const;
+
+// How far a job is.
+export const PROGRESS = {
+  title: "Progress",
+  rate: (rate: string) => `${rate} a second`,
+  left: (duration: string) => `${duration} left`,
+} as const;
+
+// Names of facts, whatever they are of.
+export const FACTS = {
+  id: "Id",
+  dataset: "Dataset",
+  model: "Model",
+  demo: "Demo",
+  step: "Step",
+  seed: "Seed",
+  size: "Size",
+  made: "Made",
+  madeBy: "Made by",
+} as const;
+
+// What leads to the demo.
+export const DEMO = { tryIn: "Try in demo", tryIt: "Try it in the demo", play: "Play" } as const;
+
+// One job.
+export const JOB = {
+  pause: "Pause",
+  resume: "Resume",
+  goOn: "Go on",
+  tryAgain: "Try again",
+  stop: "Stop",
+  again: "Again with changes",
+  rename: "Rename",
+  nameOf: "Name of the job",
+  delete: "Delete",
+  deleted: "This job will be deleted; what it made stays. ",
+  undo: "Undo",
+  waits: "It waits for its turn.",
+  waitsAgain: "It waits to go on.",
+  stopping: "It is stopping.",
+  begun: (attempts: number) => `, begun ${attempts} times`,
+  made: "What came of it",
+  madeNothing: "Nothing yet.",
+  told: "What it was told",
+  worker: "worker",
+  workerOf: (host: string, version: string) => `${host}, ngf ${version}`,
+} as const;
+
+export const EVALUATION = {
+  title: "Evaluation",
+  head: ["Object", "By", "", "Lifted", "95 % interval", "Failures", "First seed"],
+  none: "It has not been evaluated yet.",
+  evaluateIt: "Evaluate it",
+} as const;
+
+export const CHECKPOINTS = {
+  title: "Checkpoints",
+  head: ["Step", "Loss", "Size", "Model", "", ""],
+  evaluate: "Evaluate",
+} as const;
+
+export const LOG = {
+  title: "Log",
+  lines: "Lines",
+  all: "all lines",
+  warnings: "warnings and errors",
+  search: "Search",
+  searchIt: "Search the log",
+  follow: "follow",
+  download: "Download",
+  none: "Nothing yet.",
+} as const;
+
+export const CHARTS = {
+  title: "Measured",
+  value: "value",
+  raw: (label: string) => `${label}, raw`,
+  step: "step",
+  time: "time",
+  axis: "Horizontal axis",
+  byStep: "by step",
+  byTime: "by time",
+  smoothing: "Smoothing",
+  logX: "log x",
+  logY: "log y",
+} as const;
+
+export const COMPARISON = {
+  title: "Comparison",
+  jobs: "Jobs",
+  differences: "In what they differ",
+  none: "They were told the same.",
+} as const;
+
+// A new job. What its parameters mean is told by the server.
+export const FORM = {
+  title: "New job",
+  whatToDo: "What to do",
+  name: "Name",
+  forPeople: "for people",
+  changed: (title: string) => `${title}, changed`,
+  begin: "Begin",
+  copied: "Copied.",
+  about: (duration: string) => `about ${duration}`,
+  disk: (size: string) => `${size} of disk`,
+  takes: (parts: string[]) => `It takes ${parts.join(" and ")}.`,
+  planner: "planner: knows the object, plans a grasp of its own",
+  step: (step: string) => `step ${step}`,
+} as const;
+
+export const PARAMETERS: Record<string, string> = {
+  dataset_id: "Dataset",
+  encoder_id: "Encoder",
+  model_id: "Model",
+  mesh_id: "Mesh",
+  mass_kg: "Mass (kg)",
+  density_kg_m3: "Density (kg/m³)",
+};
+
+// What jobs made and people brought.
+export const DATASETS = {
+  title: "Datasets",
+  head: ["Dataset", "Of", "Demonstrations", "Size", "Made"],
+  none: "None yet. A job makes one.",
+  objects: (count: number) => `${count} objects`,
+} as const;
+
+export const DATASET = {
+  title: "Dataset",
+  objects: "Objects",
+  objectsHead: ["Object", "Kept", "Poses with enough", "The others"],
+  episodes: "Demonstrations",
+  episodesHead: ["Number", "Object", "Pose", "x, y, turn", "", "File"],
+  more: "More",
+} as const;
+
+export const MODELS = {
+  title: "Models",
+  head: ["Model", "Kind", "Step", "Made", ""],
+  builtIn: "came with the program",
+} as const;
+
+export const MODEL = { title: "Model", files: "Files", filesHead: ["File", "BLAKE3"] } as const;
+
+export const MESHES = {
+  title: "Meshes",
+  hint: "Meshes that the server keeps, for datasets and evaluations. What is dropped on the demo stays on your device.",
+  file: "Mesh file",
+  none: "None yet.",
+  head: ["Mesh", "Size", "Triangles", "File", "", "", ""],
+  triangles: (count: string, watertight: boolean) => `${count}, ${watertight ? "closed" : "open"}`,
+  parts: "Convex parts",
+  delete: "Delete",
+} as const;
