@@ -56,7 +56,7 @@ fn a_tiny_model_is_made_and_acts() {
     let resumed = train(false, &stopped);
     assert!(resumed == train(false, &folder.path().join("whole")), "a resumed run differs");
 
-    // Training goes on from a model where it stopped, but for the rounding of its weights.
+    // Training goes on from a model where it stopped, but for the rounding of its weights to 6 bits of mantissa.
     let weights = std::fs::read(out.join("weights.safetensors")).unwrap();
     let no_steps = DaggerConfig { steps: 0, ..steps };
     let elsewhere = folder.path().join("again");
@@ -65,7 +65,7 @@ fn a_tiny_model_is_made_and_acts() {
             Ok(true)
         });
     let pairs = params.values().unwrap().into_iter().zip(again.unwrap().values().unwrap());
-    assert!(pairs.into_iter().all(|(a, b)| (a - b).abs() <= 1e-3 * a.abs() + 1e-6));
+    assert!(pairs.into_iter().all(|(a, b)| (a - b).abs() <= a.abs() / 128.0 + 1e-6));
 
     let mut workcell = Workcell::new().unwrap();
     let read = |file: &str| std::fs::read(out.join(file)).unwrap();
