@@ -65,6 +65,7 @@ impl ProposalConfig {
                 friction: 0.7,
                 stiffness: f64::from(scene.motors.hand_stiffness),
                 torque: 0.7,
+                press: 1.4,
             },
         }
     }

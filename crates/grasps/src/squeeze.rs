@@ -15,8 +15,12 @@ pub struct SqueezeConfig {
     pub friction: f64,
     /// Motor stiffness of the hand (N·m/rad).
     pub stiffness: f64,
-    /// Torque (N·m) that the most loaded joint gets.
+    /// Torque (N·m) that the most loaded joint can give.
     pub torque: f64,
+    /// How many times as far beyond the surface is commanded as that torque needs. A policy's fingers stop some
+    /// hundredths of a radian short, and with as much less torque a heavy object slips; a motor at its limit gives no
+    /// more for a command beyond it, the others press harder.
+    pub press: f64,
 }
 
 /// A squeeze and how well its forces balance.
@@ -77,7 +81,7 @@ pub fn squeeze(
     }
     let strongest = (ARM..ARM + HAND).map(|i| torques[i].abs()).fold(1e-9, f64::max);
     let scale = config.torque / strongest;
-    let pressing = touch + torques * (scale / config.stiffness);
+    let pressing = touch + torques * (config.press * scale / config.stiffness);
     let hand = robot::hand_of(&tree.limits.clamp(&pressing, 0.0));
     Some(Squeeze { hand, residual: residual / pressed, reserve: scale })
 }
@@ -135,7 +139,7 @@ mod tests {
     use super::*;
 
     const CONFIG: SqueezeConfig =
-        SqueezeConfig { least_force: 4.0, friction: 0.5, stiffness: 3.0, torque: 0.6 };
+        SqueezeConfig { least_force: 4.0, friction: 0.5, stiffness: 3.0, torque: 0.6, press: 1.0 };
 
     #[test]
     fn opposed_contacts_carry_the_weight() {
