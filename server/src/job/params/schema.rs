@@ -1,0 +1,41 @@
+//! How the server's own description has parameters that are texts of which only some are meant.
+
+use super::{first_policy, full, small};
+use dataset::config::PRESETS;
+use policy::network::POLICIES;
+use utoipa::openapi::schema::{ObjectBuilder, Schema, SchemaType, Type};
+
+/// Presets with their sizes in words.
+pub(super) fn presets() -> Schema {
+    let words = PRESETS.map(|(name, size)| format!("`{name}`: {size}"));
+    let text = format!("Name of its sizes. {}.", words.join("; "));
+    one_of(PRESETS.map(|(name, _)| name))
+        .default(Some(small().into()))
+        .description(Some(text))
+        .into()
+}
+
+pub(super) fn courses() -> Schema {
+    let text = "Name of its sizes, as of a dataset's: where they are not given, steps, batch, rate and checkpoint are its.";
+    one_of(PRESETS.map(|(name, _)| name))
+        .default(Some(full().into()))
+        .description(Some(text))
+        .into()
+}
+pub(super) fn policies() -> Schema {
+    let text = "Which of the policies that are compared.";
+    one_of(POLICIES).default(Some(first_policy().into())).description(Some(text)).into()
+}
+
+/// An object has other proportions as `bleach.3`, so that these are not all.
+pub(super) fn objects() -> Schema {
+    let names = geometry::catalog::CATALOG.iter().map(|entry| entry.name);
+    let kind = SchemaType::from_iter([Type::String, Type::Null]);
+    let described = ObjectBuilder::new().schema_type(kind).examples(names);
+    described.description(Some("Name of a built-in object.")).into()
+}
+
+/// A text of which only these are meant.
+fn one_of(names: impl IntoIterator<Item = &'static str>) -> ObjectBuilder {
+    ObjectBuilder::new().schema_type(Type::String).enum_values(Some(names))
+}
