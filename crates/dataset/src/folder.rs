@@ -113,6 +113,11 @@ impl Dataset {
         Ok(Self { dir: dir.to_owned(), config })
     }
 
+    /// The hash that names the whole of it.
+    pub fn hash(&self) -> Result<String> {
+        Ok(Manifest::read(&self.dir)?.hash)
+    }
+
     /// Opens a complete dataset.
     pub fn open(dir: &Path) -> Result<Self> {
         let path = dir.join("config.json");

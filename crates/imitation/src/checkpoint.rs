@@ -32,8 +32,13 @@ fn before(path: &Path) -> PathBuf {
     path.with_extension("before.safetensors")
 }
 
-/// Reads the last checkpoint, or the one before it if the last one is of no use, of which `warn` is told; nothing
-/// if there is none. Fails if none of those that are there is of use.
+/// Where a checkpoint of no use is put aside, so that the next one written does not take its place as the one before.
+fn aside(path: &Path) -> PathBuf {
+    path.with_extension("unusable.safetensors")
+}
+
+/// Reads the last checkpoint, or the one before it if the last one is of no use: that one is put aside, and `warn` is told.
+/// Nothing is read if there is none. Fails if none of those that are there is of use.
 pub fn load(
     path: &Path,
     params: &Params,
@@ -48,6 +53,10 @@ pub fn load(
     let Err(why) = read(path, params, adam, settings) else { return Ok(()) };
     if read(&before, params, adam, settings).is_err() {
         return Err(why);
+    }
+    if path.exists() {
+        std::fs::rename(path, aside(path))
+            .with_context(|| format!("cannot rename {}", path.display()))?;
     }
     warn(&format!("{why:#}; going on from the one before it, of step {}", adam.steps));
     Ok(())
@@ -155,13 +164,17 @@ mod tests {
             let (step, values, warnings) = loaded(&path, &settings).unwrap();
             assert_eq!((step, values), (1, vec![1.0, -2.0]));
             assert!(warnings.len() == 1 && warnings[0].contains("damaged"), "{warnings:?}");
+            assert_eq!(std::fs::read(aside(&path)).unwrap(), bytes);
         }
+        // What goes on from the one before it begins with writing one: damaged as well, that one is still there.
+        save(&path, &params, &adam, &settings).unwrap();
+        std::fs::write(&path, b"nonsense").unwrap();
+        assert_eq!(loaded(&path, &settings).unwrap().0, 1);
         save(&path, &params, &adam, &foreign).unwrap();
         std::fs::write(before(&path), &whole).unwrap();
         let (step, _, warnings) = loaded(&path, &settings).unwrap();
         assert!(step == 2 && warnings[0].contains("other settings (rate)"), "{warnings:?}");
         // A run that was killed between keeping the old one and writing the new one.
-        std::fs::remove_file(&path).unwrap();
         assert_eq!(loaded(&path, &settings).unwrap().0, 2);
         std::fs::write(before(&path), b"nonsense").unwrap();
         std::fs::write(&path, b"nonsense").unwrap();

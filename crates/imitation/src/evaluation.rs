@@ -45,7 +45,7 @@ pub struct Report {
     pub scene_hash: String,
     /// Hash of the object.
     pub object_hash: String,
-    /// Hash of the model's files, if a model acted.
+    /// Hash of the model's files, if a model acted; in a suite, of what it acted by: the planner's grasps, the dataset.
     pub model_hash: Option<String>,
     /// Every attempt.
     pub rows: Vec<Row>,

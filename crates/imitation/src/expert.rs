@@ -64,6 +64,15 @@ impl Demonstrations {
         Self { rows, offsets, weighted }
     }
 
+    /// Adds every row to a hash.
+    pub(crate) fn digest(&self, hasher: &mut blake3::Hasher) {
+        let bytes: Vec<u8> = self.rows.iter().flat_map(|x| x.to_le_bytes()).collect();
+        hasher.update(&bytes);
+        for &offset in &self.offsets {
+            hasher.update(&(offset as u64).to_le_bytes());
+        }
+    }
+
     /// The same, turned by an angle (rad) about the robot's vertical axis: the axis of its first joint.
     pub fn turned(&self, turn: f32) -> Self {
         let mut rows = self.rows.clone();

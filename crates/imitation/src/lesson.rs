@@ -41,6 +41,19 @@ impl Lesson {
         })
     }
 
+    /// Adds everything of it to a hash.
+    pub(crate) fn digest(&self, hasher: &mut blake3::Hasher) {
+        hasher.update(&(self.pose as u64).to_le_bytes());
+        for Encoding { bearing, z } in &self.encodings {
+            hasher.update(&bearing.to_le_bytes());
+            hasher.update(&z.iter().flat_map(|x| x.to_le_bytes()).collect::<Vec<_>>());
+        }
+        for start in &self.near {
+            hasher.update(&start.iter().flat_map(|x| x.to_le_bytes()).collect::<Vec<_>>());
+        }
+        self.demonstrations.digest(hasher);
+    }
+
     /// A start (rad, in front) that an attempt with this object may have; its own if no pose nearby is grasped alike.
     pub(crate) fn draw_start(&self, rng: &mut impl Rng) -> JointVector {
         if self.near.is_empty() {

@@ -6,8 +6,8 @@ use imitation::evaluation::Report;
 use serde_json::{Map, Value, json};
 use std::path::Path;
 
-/// Puts reports into a card: each replaces that of the same policy, object and seed. Counts of other
-/// weights or of another scene go; the rest stays as it was.
+/// Puts reports into a card: each replaces that of the same policy, object and seed. What was said of other weights goes,
+/// and counts of another scene; the rest stays as it was.
 pub(crate) fn update(path: &Path, reports: &[Report]) -> Result<()> {
     let mut card: Map<String, Value> = match std::fs::read(path) {
         Ok(bytes) => serde_json::from_slice(&bytes).with_context(|| {
@@ -24,8 +24,11 @@ pub(crate) fn update(path: &Path, reports: &[Report]) -> Result<()> {
         // The attempts themselves follow from the seeds.
         entry.as_object_mut().map(|entry| entry.remove("rows"));
         let same = |other: &Value, keys: &[&str]| keys.iter().all(|key| other[key] == entry[key]);
+        if entries.iter().any(|other| !same(other, &["model_hash"])) {
+            card.clear();
+        }
         entries.retain(|other| same(other, &["model_hash", "scene_hash"]));
-        entries.retain(|other| !same(other, &["policy", "object", "seed"]));
+        entries.retain(|other| !same(other, &["policy", "object", "object_hash", "seed"]));
         entries.push(entry);
     }
     card.insert("evaluation".into(), json!(entries));
@@ -73,6 +76,7 @@ mod tests {
         update(&path, &[other]).unwrap();
         let card: Value = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
         assert_eq!(card["evaluation"].as_array().map(Vec::len), Some(1), "old weights go");
+        assert!(card.get("training").is_none(), "{card}");
         std::fs::write(&path, "[").unwrap();
         assert!(update(&path, &[]).unwrap_err().to_string().contains("is not a card"));
     }

@@ -54,6 +54,9 @@ pub(crate) fn run(options: &Options) -> Result<()> {
         "planner" => None,
         model => Some(load(&mut workcell, model)?),
     };
+    if model_hash.is_none() && options.card.is_some() {
+        bail!("--card is of a model, and the planner is none");
+    }
     let pose = pose(options)?;
     let most = u64::MAX - options.attempts as u64;
     if options.seed > most {

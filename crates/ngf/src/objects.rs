@@ -4,6 +4,7 @@ use anyhow::{Context, Result, bail};
 use geometry::catalog::CATALOG;
 use geometry::mesh;
 use geometry::object::Object;
+use std::ffi::OsStr;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
@@ -81,13 +82,15 @@ impl ObjectOptions {
     }
 }
 
-/// The object of a mesh file, and its name: that of the file.
+/// The object of a mesh file, and its name: that of the file, with its ending where a built-in object has that name.
 pub(crate) fn of_mesh(path: &Path, heaviness: &Heaviness) -> Result<(String, Object)> {
     let bytes = read(path).with_context(|| format!("cannot read {}", path.display()))?;
     let import =
         mesh::import(&bytes, None).with_context(|| format!("{} cannot be used", path.display()))?;
     let parts = mesh::convex_parts_or_hull(&import.mesh).hulls;
-    let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let text = |name: Option<&OsStr>| name.unwrap_or_default().to_string_lossy().into_owned();
+    let (stem, whole) = (text(path.file_stem()), text(path.file_name()));
+    let name = if Object::built_in(&stem).is_some() { whole } else { stem };
     let closed = import.healing.watertight;
     let mass = match heaviness {
         Heaviness::Mass(mass) => *mass,

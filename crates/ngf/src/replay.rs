@@ -23,7 +23,7 @@ pub(crate) struct Options {
     /// Model instead of the link's: a folder of models/ or any folder.
     #[arg(long, value_name = "MODEL")]
     model: Option<String>,
-    /// The file that a link is about, if it is about one.
+    /// The file that a link or an episode is about, if it is about one, or the object as it was.
     #[command(flatten)]
     object: ObjectOptions,
 }
@@ -45,7 +45,11 @@ pub(crate) fn run(options: &Options) -> Result<()> {
     let bytes = std::fs::read(file).with_context(|| format!("cannot read {}", file.display()))?;
     let episode: Episode = serde_json::from_slice(&bytes)
         .with_context(|| format!("{} is not an episode", file.display()))?;
-    let object = built_in_object(&episode.name)?;
+    let object = match options.object.load_any()? {
+        Some((_, given)) => given,
+        None => built_in_object(&episode.name)
+            .context("the episode is about a file: give it with --mesh and --mass")?,
+    };
     let (verdict, hash) = episode.replay(&workcell, &object)?;
     println!("{}", words(verdict));
     println!("{hash}");

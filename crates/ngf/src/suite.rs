@@ -2,6 +2,7 @@
 
 use crate::evaluate::load;
 use crate::objects::{self, Heaviness};
+use crate::train::read_model;
 use anyhow::{Context, Result, bail};
 use dataset::Dataset;
 use dataset::generate::built_in_object;
@@ -12,9 +13,10 @@ use imitation::evaluation::{self, Report};
 use imitation::suite::{self, Course, Suite};
 use imitation::training;
 use indicatif::ProgressBar;
-use policy::network::POLICIES;
+use policy::PolicyConfig;
+use policy::network::{NetworkConfig, POLICIES};
 use rollout::{Attempt, Controller, Workcell};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
@@ -48,23 +50,35 @@ struct Contestant {
     controller: Controller,
     friction: Option<f32>,
     model: PathBuf,
+    /// Hash of what it acts by, if that is not the model.
+    acts_by: Option<String>,
 }
 
 /// Runs what is missing and writes the report.
 pub(crate) fn run(options: &Options) -> Result<()> {
+    let most = u64::MAX - options.attempts as u64;
+    if options.seed > most {
+        bail!("--seed may be at most {most} for {} attempts", options.attempts);
+    }
     let objects = options.objects.iter().map(|text| object(text)).collect::<Result<Vec<_>>>()?;
+    let mut names = BTreeSet::new();
+    if let Some((name, _)) = objects.iter().find(|(name, _)| !names.insert(name)) {
+        bail!("two objects are named {name}: rename the file of one");
+    }
     let contestants = contestants(&options.models, options.data.as_deref())?;
     let policies = contestants.iter().filter(|who| POLICIES.contains(&who.label.as_str())).count();
     let mut found = Suite::default();
     let mut workcell = Workcell::new()?;
     for who in &contestants {
-        let model_hash = Some(load(&mut workcell, &who.model.to_string_lossy())?);
+        let model_hash = load(&mut workcell, &who.model.to_string_lossy())?;
         for (name, object) in &objects {
-            // It knows the grasps of built-in objects only.
-            if matches!(who.controller, Controller::Planner) && built_in(name).is_none() {
-                continue;
+            let mut acts_by = who.acts_by.clone().unwrap_or_else(|| model_hash.clone());
+            if matches!(who.controller, Controller::Planner) {
+                // It knows the grasps of built-in objects only.
+                let Some(set) = built_in(name) else { continue };
+                acts_by = blake3::hash(&serde_json::to_vec(&set.grasps)?).to_hex().to_string();
             }
-            let cell = Cell { options, who, name, model_hash: &model_hash };
+            let cell = Cell { options, who, name, acts_by: &acts_by };
             found.reports.push(cell.report(&workcell, object)?);
         }
     }
@@ -90,23 +104,33 @@ fn contestants(models: &Path, data: Option<&Path>) -> Result<Vec<Contestant>> {
     for missing in POLICIES.iter().filter(|name| !there.contains(name)) {
         eprintln!("warning: {} has no {missing}", models.display());
     }
+    for name in &there {
+        let (_, model) = read_model(&models.join(name))?;
+        if !is_named(&model.policy, name) {
+            bail!("{} holds another policy than its name says", models.join(name).display());
+        }
+    }
     let policy = |name: &&str| Contestant {
         label: (*name).to_owned(),
         controller: Controller::Policy,
         friction: None,
         model: models.join(name),
+        acts_by: None,
     };
     let control = |label: &str, controller, friction| Contestant {
         label: label.to_owned(),
         controller,
         friction,
         model: models.join(first),
+        acts_by: None,
     };
     let mut all: Vec<Contestant> = there.iter().map(policy).collect();
     all.push(control("planner", Controller::Planner, None));
     if let Some(data) = data {
-        let library = Arc::new(training::library(&Dataset::open(data)?)?);
-        all.push(control("play-back", Controller::Nearest(library), None));
+        let dataset = Dataset::open(data)?;
+        let library = Arc::new(training::library(&dataset)?);
+        let play_back = control("play-back", Controller::Nearest(library), None);
+        all.push(Contestant { acts_by: Some(dataset.hash()?), ..play_back });
     }
     all.extend([
         control("no policy", Controller::Script, None),
@@ -115,6 +139,17 @@ fn contestants(models: &Path, data: Option<&Path>) -> Result<Vec<Contestant>> {
         control("friction 0", Controller::Policy, Some(0.0)),
     ]);
     Ok(all)
+}
+
+/// Whether a policy has the sizes and scales of the one that is named so; where its bowl rests comes from the data.
+fn is_named(policy: &PolicyConfig, name: &str) -> bool {
+    let Some(mut wanted) = PolicyConfig::named(name) else { return false };
+    if let (NetworkConfig::Ngf(wanted), NetworkConfig::Ngf(found)) =
+        (&mut wanted.network, &policy.network)
+    {
+        wanted.rest = found.rest;
+    }
+    wanted == *policy
 }
 
 /// A built-in object, or a mesh with its mass.
@@ -138,13 +173,13 @@ struct Cell<'a> {
     options: &'a Options,
     who: &'a Contestant,
     name: &'a str,
-    model_hash: &'a Option<String>,
+    acts_by: &'a str,
 }
 
 impl Cell<'_> {
     /// The report that is there, if it is of the same things, or a new one.
     fn report(&self, workcell: &Workcell, object: &Object) -> Result<Report> {
-        let Self { options, who, name, model_hash } = self;
+        let Self { options, who, name, acts_by } = self;
         let object = match who.friction {
             Some(friction) => object.clone().with_friction(friction),
             None => object.clone(),
@@ -156,7 +191,7 @@ impl Cell<'_> {
                 .with_context(|| format!("{} is damaged: delete it", path.display()))?;
             let is_same = known.object_hash == object.hash()
                 && known.scene_hash == scene::config::scene_hash()
-                && known.model_hash == **model_hash
+                && known.model_hash.as_deref() == Some(*acts_by)
                 && (known.seed, known.attempts) == (options.seed, options.attempts);
             if is_same {
                 return Ok(known);
@@ -164,7 +199,11 @@ impl Cell<'_> {
         }
         let bar = ProgressBar::new(options.attempts as u64);
         bar.set_message(words.clone());
-        let failures = options.out.join("failures");
+        let failures = options.out.join("failures").join(&words);
+        if failures.exists() {
+            std::fs::remove_dir_all(&failures)
+                .with_context(|| format!("cannot remove {}", failures.display()))?;
+        }
         let courses = Mutex::new(BTreeMap::new());
         let observe = |attempt: &Attempt| {
             bar.inc(1);
@@ -176,7 +215,7 @@ impl Cell<'_> {
                 return Ok(());
             }
             let episode = attempt.episode();
-            let file = failures.join(format!("{words}-{}.json", episode.seed));
+            let file = failures.join(format!("{}.json", episode.seed));
             store::write(&file, &serde_json::to_vec(&episode)?)
         };
         let seeds = options.seed..options.seed + options.attempts as u64;
@@ -189,7 +228,7 @@ impl Cell<'_> {
         let place = options.out.join("courses").join(format!("{words}.svg"));
         store::write(&place, figure.as_bytes())?;
         let report =
-            Report { policy: who.label.clone(), model_hash: (*model_hash).clone(), ..found };
+            Report { policy: who.label.clone(), model_hash: Some((*acts_by).to_owned()), ..found };
         crate::evaluate::print(&report);
         store::write(&path, &serde_json::to_vec_pretty(&report)?)?;
         Ok(report)

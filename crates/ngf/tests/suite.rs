@@ -52,9 +52,14 @@ fn a_suite_counts_once_and_every_failure_can_be_replayed() {
     assert_eq!(std::fs::read(out.join("suite.json")).unwrap(), json);
     assert_eq!(std::fs::metadata(&cell).unwrap().modified().unwrap(), written);
 
-    let failure = out.join("failures/no-policy-sugar_box-0.json");
+    let failure = out.join("failures/no-policy-sugar_box/0.json");
     let replayed = ngf(&["replay", failure.to_str().unwrap()]);
     assert!(replayed.status.success(), "{}", String::from_utf8_lossy(&replayed.stderr));
+    let slippery = out.join("failures/friction-0-sugar_box/0.json");
+    let slippery = slippery.to_str().unwrap();
+    let replayed = ngf(&["replay", slippery, "--object", "sugar_box", "--friction", "0"]);
+    assert!(replayed.status.success(), "{}", String::from_utf8_lossy(&replayed.stderr));
+    assert!(!ngf(&["replay", slippery]).status.success(), "with friction it is another object");
 }
 
 #[test]
@@ -71,6 +76,13 @@ fn what_cannot_be_compared_is_said() {
     let models = models.to_str().unwrap();
     let with = |object| ["suite", "--models", models, "--out", dir, "--objects", object];
     says(&with("teapot"), "no object named teapot");
+    says(&with("bleach,bleach"), "two objects are named bleach");
+    let baseline = folder.path().join("mlp-pcd");
+    std::fs::create_dir_all(&baseline).unwrap();
+    for file in ["weights.safetensors", "config.json"] {
+        std::fs::copy(root().join("models/default").join(file), baseline.join(file)).unwrap();
+    }
+    says(&["suite", "--models", dir, "--out", dir], "another policy than its name says");
     says(&with("pot.obj:heavy"), "the mass (kg) is no number");
     says(&with("pot.obj:-1"), "positive number of kilograms");
     says(&with("pot.obj:1"), "cannot read pot.obj");

@@ -49,6 +49,23 @@ pub enum Controller {
     },
 }
 
+impl Controller {
+    /// Whether a network acts.
+    fn is_of_model(&self) -> bool {
+        matches!(self, Self::Policy | Self::ShuffledLatent | Self::ZeroLatent)
+    }
+
+    /// Whether the motion was planned before the attempt, its way to where it begins included.
+    fn is_planned(&self) -> bool {
+        matches!(self, Self::Planner | Self::Found(_) | Self::Demonstration(_) | Self::Nearest(_))
+    }
+
+    /// Whether it was planned for this very object and pose, and its way kept off them.
+    fn knows_the_place(&self) -> bool {
+        self.is_planned() && !matches!(self, Self::Nearest(_))
+    }
+}
+
 /// What is going on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
@@ -232,24 +249,18 @@ impl Attempt {
                 }
             }
             Phase::Approach => {
-                let is_planned = matches!(
-                    self.controller,
-                    Controller::Planner
-                        | Controller::Found(_)
-                        | Controller::Demonstration(_)
-                        | Controller::Nearest(_)
-                );
-                if is_planned && self.phase_ticks >= self.approach_ticks {
-                    self.enter(Phase::Policy);
-                } else if !is_planned {
-                    if object.distance(self.story.start) > APPROACH_SHIFT {
-                        return self.fail(Failure::Collided);
-                    }
-                    if self.plan.len() == 0 {
+                let is_shifted = object.distance(self.story.start) > APPROACH_SHIFT;
+                if is_shifted && !self.controller.knows_the_place() {
+                    return self.fail(Failure::Collided);
+                }
+                if self.controller.is_planned() {
+                    if self.phase_ticks >= self.approach_ticks {
                         self.enter(Phase::Policy);
-                        if matches!(self.controller, Controller::Script) {
-                            self.plan = script(&self.state.q, workcell).into_iter();
-                        }
+                    }
+                } else if self.plan.len() == 0 {
+                    self.enter(Phase::Policy);
+                    if matches!(self.controller, Controller::Script) {
+                        self.plan = script(&self.state.q, workcell).into_iter();
                     }
                 }
             }
@@ -404,7 +415,8 @@ impl Attempt {
     /// The moments between start and lift, a control period apart; none if the controller did not come to act.
     pub fn course(&self, workcell: &Workcell) -> Vec<Moment> {
         let limits = &workcell.robot.tree.limits;
-        let acts = workcell.model.as_ref().zip(self.encoding.as_ref());
+        let is_acting = self.controller.is_of_model();
+        let acts = workcell.model.as_ref().zip(self.encoding.as_ref()).filter(|_| is_acting);
         self.acted().iter().map(|state| Moment::of(state, limits, acts)).collect()
     }
 

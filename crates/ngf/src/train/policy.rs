@@ -56,6 +56,10 @@ pub(super) fn train(options: &Options) -> Result<()> {
     config.rate = run.rate.unwrap_or(config.rate);
     config.span = run.checkpoint.map_or(config.span, |steps| steps as u64);
     config.horizon = options.horizon.unwrap_or(config.horizon);
+    if begin.is_some() {
+        // Its other networks have learned what F_ψ would not know of.
+        config.potential_share = 0.0;
+    }
     let encoder = match (&begin, &options.encoder) {
         (Some((weights, _)), _) => TrainedEncoder::of_model(weights)?,
         (None, Some(folder)) if folder.join("encoder.safetensors").exists() => {
