@@ -7,7 +7,7 @@ import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
 import { fileURLToPath } from "node:url";
-import { open, program, screenshot, untilReady, visit } from "./chromium.js";
+import { blank, open, program, screenshot, untilReady, visit } from "./chromium.js";
 
 let served;
 before(async () => (served = await open()));
@@ -78,6 +78,23 @@ test("an attempt begins by itself, pauses, steps and is reset", async () => {
   assert.equal(await page.textContent("#rate"), "Paused");
   await page.click("#reset");
   await page.waitForFunction(() => !document.querySelector("#phases .is-now"));
+  await page.close();
+});
+
+test("a recording goes on to its verdict though the policy comes meanwhile, and then the policy shows itself", async () => {
+  const { page } = await blank(served, { isCalm: false });
+  await page.route("**/weights**", async (route) => {
+    await page.waitForFunction(() => document.getElementById("hash").textContent.startsWith("Demonstration:"));
+    await route.continue();
+  });
+  await page.goto(served.address);
+  await page.waitForFunction(() => document.getElementById("model").textContent.startsWith("Policy"));
+  await page.selectOption("#speed", "4");
+  // The announcement stays until the next verdict.
+  await page.waitForFunction(() => document.getElementById("announcement").textContent !== "");
+  assert.match(await page.textContent("#announcement"), / 0 of 0 lifted\.$/, "a recording does not count");
+  await page.waitForFunction(() => document.getElementById("hash").textContent.startsWith("Seed 0 ended"));
+  assert.match(await page.textContent("#tally"), /^[01] of 1 lifted$/);
   await page.close();
 });
 

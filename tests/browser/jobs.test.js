@@ -5,7 +5,7 @@ import { mkdtempSync, rmSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
-import { barriers, blank, open, PHONE, screenshot, serve } from "./chromium.js";
+import { barriers, blank, BOX, open, PHONE, screenshot, serve } from "./chromium.js";
 
 let served;
 let folder;
@@ -32,16 +32,35 @@ async function visitJobs(route = "", options = {}) {
 
 const stands = (page, status) => page.waitForSelector(`.detail-job .chip.is-${status}`);
 
-// A job that is over.
-async function made(kind, params, name) {
-  const { id } = await api("jobs", { kind, params, name });
+// A job once it is over.
+async function over(id) {
   for (;;) {
     const job = await api(`jobs/${id}?wait=30s`);
-    if (["succeeded", "failed", "cancelled"].includes(job.status)) {
-      assert.equal(job.status, "succeeded", JSON.stringify(job.error));
-      return job;
-    }
+    if (["succeeded", "failed", "cancelled"].includes(job.status)) return job;
   }
+}
+
+// A job that is done.
+async function made(kind, params, name) {
+  const { id } = await api("jobs", { kind, params, name });
+  const job = await over(id);
+  assert.equal(job.status, "succeeded", JSON.stringify(job.error));
+  return job;
+}
+
+// A job that takes long and needs nothing.
+const long = (params = {}, name = null) =>
+  api("jobs", { kind: "policy.evaluate", params: { model_id: "planner", object: "sugar_box", attempts: 10_000, ...params }, name });
+
+async function stop(id) {
+  await api(`jobs/${id}/cancel`, {});
+  return over(id);
+}
+
+async function uploaded() {
+  const answer = await fetch(`${served.address}/api/v1/meshes?name=box.obj`, { method: "POST", body: BOX });
+  assert.ok(answer.ok, `${answer.status}`);
+  return answer.json();
 }
 
 test("a dataset is asked for with the form, watched, and one of its demonstrations played", async () => {
@@ -60,7 +79,7 @@ test("a dataset is asked for with the form, watched, and one of its demonstratio
   await page.click("button:has-text('Begin')");
   await stands(page, "succeeded");
   assert.equal(await page.textContent("h1"), "Asked for by hand");
-  assert.match(await page.textContent(".row a"), /Asked for by hand.*succeeded/);
+  assert.match(await page.textContent(".row a"), /Asked for by hand.*done/);
   await page.waitForFunction(() => document.querySelector(".log").textContent.includes("sugar"));
   await page.click("a:has-text('ds_')");
   await page.waitForSelector("td:has-text('Sugar box')");
@@ -147,6 +166,126 @@ test("a mesh is uploaded, evaluated on by a link, tried in the demo, and deleted
   await page.close();
 });
 
+test("a server that does no jobs says what to start", async (t) => {
+  const { address, server } = await serve();
+  t.after(() => server.kill());
+  const { page, complaints } = await blank({ address, browser: served.browser });
+  await page.goto(`${address}/jobs/`);
+  assert.match(await page.textContent(".failure"), /no folder for jobs.*Start one with .ngf serve --data DIR/);
+  // What needs no jobs is there.
+  await page.click(".tabs a:has-text('Models')");
+  await page.waitForSelector("td:has-text('default')");
+  await page.click(".tabs a[href='#jobs']");
+  await page.waitForSelector(".failure:has-text('Start one with')");
+  // Whether there are jobs can only be found out by asking.
+  assert.deepEqual(complaints.filter((text) => !text.includes("404")), []);
+  await page.close();
+});
+
+test("a filter holds while a job runs", async () => {
+  const { page, complaints } = await visitJobs();
+  await page.waitForSelector("[data-state=live]");
+  await page.selectOption("#filter-status", { label: "failed" });
+  const { id } = await long();
+  const row = `[data-id=${id}]`;
+  // What is chosen is shown, and yet not listed.
+  await page.evaluate((id) => (location.hash = `#jobs/${id}`), id);
+  await stands(page, "running");
+  assert.equal(await page.$(row), null);
+  await page.selectOption("#filter-status", { label: "not over" });
+  await page.waitForSelector(row);
+  await page.click("button:has-text('Stop')");
+  await stands(page, "cancelled");
+  await page.waitForSelector(row, { state: "detached" });
+  await page.selectOption("#filter-status", { label: "any status" });
+  await page.waitForSelector(`${row}:has-text('stopped')`);
+  assert.deepEqual(complaints, []);
+  await page.close();
+});
+
+test("a deletion that was asked for twice is taken back once, and by whatever else is asked", async () => {
+  const { id } = await long();
+  await stop(id);
+  const { page, complaints } = await blank(served);
+  const deletions = [];
+  page.on("request", (request) => request.method() === "DELETE" && deletions.push(request.url()));
+  await page.clock.install();
+  await page.goto(`${served.address}/jobs/#jobs/${id}`);
+  await stands(page, "cancelled");
+  await page.click("button:has-text('Delete')");
+  await page.click("button:has-text('Delete')");
+  await page.click("button:has-text('Undo')");
+  await page.waitForSelector("text=This job is not deleted.");
+  await page.click("button:has-text('Delete')");
+  page.once("dialog", (dialog) => dialog.accept("Kept"));
+  await page.click("button:has-text('Rename')");
+  await page.waitForSelector("h1:has-text('Kept')");
+  await page.waitForSelector("text=This job is not deleted.");
+  await page.clock.fastForward(10_000);
+  // What the page asks for now comes behind any deletion.
+  assert.equal(await page.evaluate(async (id) => (await fetch(`../api/v1/jobs/${id}`)).status, id), 200);
+  assert.deepEqual(deletions, []);
+  assert.deepEqual(complaints, []);
+  await page.close();
+});
+
+test("what was stopped is tried again, and asked for again with changes", async () => {
+  const { id } = await long({ seed: 7 }, "Tried");
+  await stop(id);
+  const { page, complaints } = await visitJobs(`#jobs/${id}`);
+  // It goes on if it had begun.
+  await page.click("button:has-text('Try again'), button:has-text('Go on')");
+  await stands(page, "running");
+  await page.click("button:has-text('Stop')");
+  await stands(page, "cancelled");
+  await page.click("text=Again with changes");
+  await page.waitForSelector("[data-param=seed] input");
+  assert.equal(await page.inputValue("[data-param=seed] input"), "7");
+  await page.fill("[data-param=seed] input", "8");
+  await page.click("button:has-text('Begin')");
+  await page.waitForSelector("h1:has-text('Tried, changed')");
+  const copy = await stop(new URL(page.url()).hash.split("/")[1]);
+  assert.notEqual(copy.id, id);
+  const { seed, object, model_id } = copy.params;
+  assert.deepEqual({ seed, object, model_id }, { seed: 8, object: "sugar_box", model_id: "planner" });
+  assert.deepEqual(complaints, []);
+  await page.close();
+});
+
+test("a job that fails says why, and what to do", async () => {
+  // It waits behind another one while its mesh is deleted.
+  const other = await long();
+  const mesh = await uploaded();
+  const { id } = await api("jobs", { kind: "mesh.prepare", params: { mesh_id: mesh.id } });
+  await fetch(`${served.address}/api/v1/meshes/${mesh.id}`, { method: "DELETE" });
+  await stop(other.id);
+  assert.equal((await over(id)).status, "failed");
+  const { page, complaints } = await visitJobs(`#jobs/${id}`);
+  await stands(page, "failed");
+  const card = await page.textContent(".detail-job .failure");
+  assert.match(card, /could not be started.*was deleted.*look at the program and the data folder.*launch_failed/);
+  assert.match(await page.textContent(`[data-id=${id}]`), /failed/);
+  assert.deepEqual(complaints, []);
+  await page.close();
+});
+
+test("what cannot be asked for is told there, and tried again", async () => {
+  await uploaded();
+  const { page } = await visitJobs("#meshes");
+  await page.route(/\/api\/v1\/(meshes\/|jobs\?)/, (route) => route.abort());
+  await page.click("button:has-text('Delete')");
+  await page.waitForSelector("#detail .failure:has-text('Start one with')");
+  await page.selectOption("#filter-kind", { label: "Evaluate a policy" });
+  await page.waitForSelector("#list-end .failure");
+  await page.unrouteAll();
+  await page.click("#list-end button:has-text('Try again')");
+  await page.waitForSelector(".row");
+  assert.equal(await page.$("#list-end .failure"), null);
+  await page.click("button:has-text('Delete')");
+  await page.waitForSelector("text=None yet.");
+  await page.close();
+});
+
 test("a server that is killed and comes back is noticed, and nothing is missing then", async () => {
   const { id } = await api("jobs", { kind: "dataset.generate", params: { preset: "smoke", seed: 77 } });
   const { page } = await visitJobs(`#jobs/${id}`);
@@ -185,26 +324,38 @@ test("a thousand jobs scroll", async () => {
   await page.close();
 });
 
+// Views of which there are pictures, too.
+const PICTURED = ["demo", "job", "new-job", "models", "api"];
+
 for (const colorScheme of ["light", "dark"]) {
   test(`nothing bars anybody from the pages, ${colorScheme}`, async () => {
-    const { data } = await api("jobs?limit=1&kind=policy.train");
+    const { data: trainings } = await api("jobs?limit=1&kind=policy.train");
+    const { data: datasets } = await api("datasets?limit=1");
+    await uploaded();
     for (const [name, path, there] of [
       ["demo", "/", "#grasp:enabled"],
-      ["job", `/jobs/#jobs/${data[0].id}`, ".log"],
+      ["jobs", "/jobs/", ".row"],
+      ["job", `/jobs/#jobs/${trainings[0].id}`, ".log"],
       ["new-job", "/jobs/#new", "[data-param=preset]"],
+      ["datasets", "/jobs/#datasets", "td"],
+      ["dataset", `/jobs/#datasets/${datasets[0].id}`, "a:has-text('Play')"],
       ["models", "/jobs/#models", "td"],
+      ["model", "/jobs/#models/default", ".facts"],
+      ["meshes", "/jobs/#meshes", "td"],
       ["api", "/docs/", ".request"],
     ]) {
       const { page, complaints } = await blank(served, { colorScheme });
+      const picture = async (suffix) => PICTURED.includes(name) && screenshot(page, `${name}-${colorScheme}${suffix}`);
       await page.goto(served.address + path);
       await page.waitForSelector(there);
       assert.deepEqual(await barriers(page), [], name);
-      assert.deepEqual(complaints, [], name);
-      await screenshot(page, `${name}-${colorScheme}`);
+      await picture("");
       await page.setViewportSize(PHONE);
-      await screenshot(page, `${name}-${colorScheme}-phone`);
+      await picture("-phone");
+      assert.deepEqual(await barriers(page), [], `${name} on a phone`);
       const overflow = await page.evaluate(() => document.documentElement.scrollWidth - innerWidth);
       assert.ok(overflow <= 0, `${name} is ${overflow} pixels too wide for a phone`);
+      assert.deepEqual(complaints, [], name);
       await page.close();
     }
   });

@@ -74,9 +74,22 @@ test("a second policy beside the first is given the same, and layers are drawn",
   assert.equal(await page.textContent("#who-1"), await page.textContent("#who-2"), "the same policy comes to the same");
   await page.click("#phases [data-phase=lift] button");
   await screenshot(page, "comparison");
+  await page.click("#new-pose");
+  for (const who of ["#who-1", "#who-2"]) assert.equal(await page.textContent(who), "default", "what an attempt came to goes with it");
   await page.selectOption("#compare", "");
   await page.waitForSelector("#view-2", { state: "hidden" });
   assert.deepEqual(complaints, []);
+  // The second worker stops: the first is not to be restarted.
+  const [second] = await Promise.all([page.waitForEvent("worker"), page.selectOption("#compare", "default")]);
+  await second.evaluate(() => {
+    setTimeout(() => {
+      throw new Error("stopped by a test");
+    });
+  });
+  await page.waitForSelector("[data-code=second_engine_stopped]");
+  assert.ok(await page.isHidden("[data-code=second_engine_stopped] .again"));
+  await page.waitForSelector("#view-2", { state: "hidden" });
+  assert.ok(await page.isEnabled("#grasp"));
   await page.close();
 });
 
@@ -120,7 +133,8 @@ test("any mesh gets an answer without a policy: a grasp is searched in physics a
   await page.selectOption("#speed", "4");
   await page.waitForSelector("[data-phase=verdict].is-now");
   assert.equal(await page.textContent("#headline"), "Lifted and held.");
-  assert.match(await page.textContent("#hash"), /^Demonstration: a grasp that was searched for cube.obj/);
+  assert.match(await page.textContent("#hash"), /^Grasp searched for cube\.obj ended in state/);
+  assert.match(await page.textContent("#share-hint"), /only repeat what a policy does/);
   assert.equal(await page.textContent("#tally"), "None yet with this object");
   await screenshot(page, "search");
   assert.deepEqual(complaints, []);
@@ -145,6 +159,23 @@ test("whoever gets the link sees the same, here and on the command line", async 
   assert.equal(await other.textContent("#headline"), words);
   assert.deepEqual(complaints, []);
   await other.close();
+
+  // The same where the demo is open already.
+  const { page: tab } = await visit(served);
+  await untilReady(tab);
+  await tab.evaluate((link) => (location.href = link), link);
+  await tab.waitForFunction(() => document.getElementById("hash")?.textContent.endsWith("as in the link"));
+  assert.equal(await tab.getAttribute("#hash", "title"), hash);
+  await tab.close();
+
+  // Whoever takes over makes an attempt that the link says nothing of.
+  const { page: taken } = await blank(served);
+  await taken.goto(link);
+  await taken.waitForSelector("#phases .is-now");
+  await grasp(taken, 6);
+  assert.ok(!(await taken.textContent("#hash")).includes("as in the link"));
+  assert.equal(await taken.locator("[data-code=link_other_end]").count(), 0);
+  await taken.close();
 
   const told = execFileSync(program, ["replay", link], { cwd: root, encoding: "utf8" }).trim().split("\n");
   assert.deepEqual(told, [words, hash]);

@@ -57,6 +57,7 @@ test("an attempt at which somebody pulls does not count", async () => {
   await page.mouse.up();
   assert.match(await page.textContent("#tally"), /^None yet/);
   assert.ok(await page.isDisabled("#copy-link"));
+  assert.match(await page.textContent("#share-hint"), /how somebody pulled/);
   assert.deepEqual(complaints, []);
   await page.close();
 });

@@ -2,7 +2,7 @@
 
 import assert from "node:assert/strict";
 import { after, before, test } from "node:test";
-import { findObject, open, PHONE, screenshot, untilReady, visit, WIDE } from "./chromium.js";
+import { barriers, blank, findObject, open, PHONE, screenshot, untilReady, visit, WIDE } from "./chromium.js";
 
 let served;
 before(async () => (served = await open()));
@@ -98,6 +98,33 @@ test("keys do what the buttons do", async () => {
   await page.waitForFunction(() => document.getElementById("rate").textContent === "Paused");
   await page.keyboard.press("h");
   assert.ok(await page.isChecked("#layer-hulls"));
+  await page.close();
+});
+
+test("Space opens what is closed where the focus is, and pauses nothing then", async () => {
+  const { page } = await visit(served);
+  await untilReady(page);
+  await page.focus("#inside summary");
+  await page.keyboard.press(" ");
+  await page.waitForSelector("#inside[open]");
+  // What a joint's bar shows is there as text.
+  const bar = await page.waitForSelector(".joint[aria-valuetext]");
+  assert.match(await bar.getAttribute("aria-valuetext"), /^-?\d\.\d\d rad, from -?\d\.\d\d to -?\d\.\d\d$/);
+  // The worker has heard all that was asked of it before.
+  const before = await page.inputValue("#pose-x");
+  await page.click("#new-pose");
+  await page.waitForFunction((x) => document.getElementById("pose-x").value !== x, before);
+  assert.notEqual(await page.textContent("#rate"), "Paused");
+  assert.deepEqual(await barriers(page), []);
+  await page.close();
+});
+
+test("the self-check says what is missing", async () => {
+  const { page } = await blank(served);
+  await page.addInitScript(() => delete globalThis.WebAssembly);
+  await page.goto(`${served.address}?check`);
+  const missing = await page.waitForSelector("dialog.check .is-bad");
+  assert.match(await missing.textContent(), /^WebAssembly/);
   await page.close();
 });
 

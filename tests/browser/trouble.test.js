@@ -44,6 +44,52 @@ test("weights that never come are given up, and the planner acts", async () => {
   await graspsAllTheSame(page);
 });
 
+// The simulation stops and is restarted.
+async function restart(page) {
+  await page.workers()[0].evaluate(() => {
+    setTimeout(() => {
+      throw new Error("stopped by a test");
+    });
+  });
+  await page.click('[data-code="engine_stopped"] .again');
+  await page.waitForSelector('[data-code="engine_stopped"]', { state: "detached" });
+  await untilReady(page);
+}
+
+test("what stands on the table is what was read: a search and a restart are about that", async () => {
+  const { page } = await visit(served);
+  await untilReady(page);
+  const obj = (name, text) => ({ name, mimeType: "model/obj", buffer: Buffer.from(text) });
+  await page.click("#objects label:has([value=mustard])");
+  await page.waitForFunction(() => document.getElementById("report-mass").textContent === "603 g");
+  await page.fill("#seed", "3");
+  await page.press("#seed", "Enter");
+  await page.setInputFiles("#file", obj("bad.obj", "v 1"));
+  await page.waitForSelector('.failure:has-text("bad.obj")');
+  await page.click(".failure .close");
+  // A search that had been given the refused file would refuse it again.
+  await page.click("#search");
+  await page.waitForSelector("#search-bar[value]");
+  await page.click("#search");
+  await restart(page);
+  assert.equal(await page.textContent("#report-mass"), "603 g");
+  assert.ok(await page.isChecked("[value=mustard]"));
+  assert.equal(await page.locator(".failure").count(), 0);
+  await page.selectOption("#speed", "4");
+  await page.click("#grasp");
+  await page.waitForSelector("[data-phase=verdict].is-now");
+  assert.match(await page.textContent("#hash"), /^Seed 3 ended/, "its pose is still the seed's");
+  // Of a file that was read, the page keeps the bytes, however often.
+  await page.setInputFiles("#file", obj("box.obj", BOX));
+  await page.waitForSelector("#objects [value='file:box.obj']:checked");
+  for (let times = 0; times < 2; times++) {
+    await restart(page);
+    assert.equal(await page.textContent("#report-size"), "4.0 × 6.0 × 12.0 cm");
+    assert.ok(await page.isChecked("#objects [value='file:box.obj']"));
+  }
+  await page.close();
+});
+
 test("a file without end is not read", async () => {
   const { page } = await visit(served);
   await untilReady(page);

@@ -90,8 +90,12 @@ test("several files, an archive and the clipboard", async () => {
   await page.setInputFiles("#file", file("meshes.zip", archive));
   await shown("three.obj");
   await page.waitForFunction(() => document.getElementById("report-size").textContent === "4.0 × 6.0 × 7.0 cm");
+  // The list of its files would lie behind its end.
+  const short = Buffer.from(archive);
+  short.writeUInt32LE(short.length, short.length - 6);
   for (const [name, bytes, cause] of [
     ["cut.zip", archive.subarray(0, 100), /no end/],
+    ["short.zip", short, /a part of it is missing/],
     ["letters.zip", zip({ "letter.txt": "Dear reader" }), /holds no OBJ/],
     ["bomb.zip", zip({ "bomb.obj": Buffer.alloc(60e6) }), /larger than 50 MB/],
   ]) {
@@ -111,6 +115,15 @@ test("several files, an archive and the clipboard", async () => {
   await shown("pasted.obj");
   assert.equal(await page.locator("#objects [value='file:bad.obj']").count(), 0);
   assert.deepEqual(complaints, []);
+  await page.close();
+});
+
+test("of many files some are taken, and that is said", async () => {
+  const { page } = await visit(served);
+  await untilReady(page);
+  await page.setInputFiles("#file", Array.from({ length: 51 }, (_, i) => file(`${i}.obj`, BOX)));
+  await page.waitForSelector("[data-code=files_left_out]");
+  assert.equal(await page.locator("#objects [value^='file:']").count(), 50);
   await page.close();
 });
 

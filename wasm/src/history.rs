@@ -75,13 +75,13 @@ impl History {
         self.pictures.get(self.tick())
     }
 
-    /// The first tick of each phase so far, in their order.
-    pub(crate) fn marks(&self) -> Vec<usize> {
+    /// The phases so far, in their order, each with its first tick. An attempt that fails early leaves some out.
+    pub(crate) fn marks(&self) -> Vec<(Phase, usize)> {
         let mut marks = Vec::new();
         let mut before = None;
         for (tick, picture) in self.pictures.iter().enumerate() {
             if before != Some(picture.phase) {
-                marks.push(tick);
+                marks.push((picture.phase, tick));
                 before = Some(picture.phase);
             }
         }
@@ -99,13 +99,24 @@ mod tests {
     }
 
     #[test]
+    fn a_phase_that_was_left_out_has_no_mark() {
+        let mut history = History::default();
+        for phase in [Phase::Approach, Phase::Approach, Phase::Verdict] {
+            history.push(picture(phase));
+        }
+        assert_eq!(history.marks(), [(Phase::Approach, 0), (Phase::Verdict, 2)]);
+    }
+
+    #[test]
     fn an_earlier_picture_is_shown_and_played_to_the_last() {
         let mut history = History::default();
         assert!(history.shown().is_none() && !history.is_behind());
         for phase in [Phase::Approach, Phase::Approach, Phase::Policy, Phase::Lift] {
             history.push(picture(phase));
         }
-        assert_eq!((history.tick(), history.last(), history.marks()), (3, 3, vec![0, 2, 3]));
+        assert_eq!((history.tick(), history.last()), (3, 3));
+        let marks = [(Phase::Approach, 0), (Phase::Policy, 2), (Phase::Lift, 3)];
+        assert_eq!(history.marks(), marks);
         history.seek(1);
         assert!(history.is_behind() && history.shown().unwrap().phase == Phase::Approach);
         // What comes meanwhile moves nothing.

@@ -246,6 +246,14 @@ pub(crate) struct ObjectLoaded {
     pub(crate) tally: Tally,
 }
 
+/// What is played in place of an attempt of whoever acts, in words.
+#[derive(Clone, Debug, Serialize)]
+pub(crate) struct Played {
+    pub(crate) what: String,
+    /// Said while the hand closes.
+    pub(crate) closes: &'static str,
+}
+
 /// Phases of an attempt; `Idle` is before the first and after a reset.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "camelCase")]
@@ -264,13 +272,14 @@ pub(crate) struct Frame {
     #[serde(with = "preserve")]
     pub(crate) poses: Float32Array,
     pub(crate) pose: PlanarPose,
-    /// Which demonstration is played, if one is.
-    pub(crate) played: Option<String>,
+    /// The seed that the pose was drawn from, unless the object was placed by hand.
+    pub(crate) drawn: Option<u32>,
+    pub(crate) played: Option<Played>,
     pub(crate) phase: Phase,
-    /// Which tick is shown, how many there are, and the first one of each phase so far.
+    /// Which tick is shown, how many there are, and the phases so far, each with its first one.
     pub(crate) tick: usize,
     pub(crate) ticks: usize,
-    pub(crate) marks: Vec<usize>,
+    pub(crate) marks: Vec<(Phase, usize)>,
     /// Commanded positions (rad) of all joints.
     #[serde(with = "preserve")]
     pub(crate) joints: Float32Array,
@@ -373,8 +382,8 @@ pub(crate) struct Verdict {
     pub(crate) pose: PlanarPose,
     /// Whether the object was placed by hand, not where the seed puts it.
     pub(crate) placed: bool,
-    /// Which demonstration this was, if it was one: it does not count.
-    pub(crate) played: Option<String>,
+    /// What was played, if something was: it does not count.
+    pub(crate) played: Option<Played>,
     /// Whether somebody pulled at the object: then it does not count either.
     pub(crate) pulled: bool,
     pub(crate) hash: String,

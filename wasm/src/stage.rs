@@ -9,8 +9,8 @@ use crate::fetch::ModelFiles;
 use crate::history::History;
 use crate::look;
 use crate::protocol::{
-    Attempted, BuiltIn, DepthCamera, Failure, File, Joint, Link, ObjectLoaded, PlanarPose, Pull,
-    Ready, Rectangle, Shape, Table, Verdict,
+    Attempted, BuiltIn, DepthCamera, Failure, File, Joint, Link, ObjectLoaded, PlanarPose, Played,
+    Pull, Ready, Rectangle, Shape, Table, Verdict,
 };
 use crate::statistics::{Attempts, Tally};
 use crate::upload::{self, Loaded};
@@ -36,8 +36,8 @@ pub(crate) struct Stage {
     pub(crate) is_watched: bool,
     /// Whether the verdict has been told.
     is_told: bool,
-    /// Which demonstration is played, if one is.
-    played: Option<String>,
+    /// What is played, if something is.
+    played: Option<Played>,
     seed: u32,
     /// By the hashes of model and object.
     attempts: BTreeMap<(Option<String>, String), Attempts>,
@@ -170,7 +170,8 @@ impl Stage {
         self.reset();
     }
 
-    /// Takes a model's three files, which ends an attempt by another one; if they are unusable, that one stays.
+    /// Takes a model's three files, which ends an attempt by another one; if they are unusable, that one stays. What is
+    /// played asks no model, and goes on.
     pub(crate) fn load_model(&mut self, id: &str, files: &ModelFiles) -> Result<(), Failure> {
         let ModelFiles { weights, starts, config } = files;
         let loaded = self.workcell.load_model(weights, starts, config);
@@ -180,7 +181,9 @@ impl Stage {
             cure: "Train it again with this version of the program, or fetch its own model.".into(),
         })?;
         self.model = Some((id.into(), hash));
-        self.reset();
+        if self.played.is_none() {
+            self.reset();
+        }
         Ok(())
     }
 

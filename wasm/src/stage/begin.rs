@@ -2,7 +2,7 @@
 
 use super::{Stage, broken};
 use crate::likeness;
-use crate::protocol::{Cloud, Failure, Found, PlanarPose};
+use crate::protocol::{Cloud, Failure, Found, PlanarPose, Played};
 use crate::upload::{self, Loaded};
 use geometry::Vec3;
 use grasps::grasp::Grasp;
@@ -59,7 +59,8 @@ impl Stage {
             Attempt::begin(&self.workcell, object, label, pose, u64::from(seed), controller)
                 .map_err(|error| cannot_begin(&error))?;
         self.seed = seed;
-        self.played = Some(format!("a grasp that was searched for {label}"));
+        let what = format!("Grasp searched for {label}");
+        self.played = Some(Played { what, closes: "A searched grasp closes the hand" });
         Ok(self.set_off(attempt))
     }
 
@@ -86,7 +87,11 @@ impl Stage {
             cure: cure.into(),
         };
         let file: Demonstration = serde_json::from_slice(bytes).map_err(|error| {
-            unusable(error.to_string(), "Write one with `ngf dataset episode DIR N --out FILE`.")
+            unusable(
+                error.to_string(),
+                "Write one with `ngf dataset episode DIR N --out FILE`. An episode that was saved here is replayed by \
+                 `ngf replay FILE`.",
+            )
         })?;
         let loaded = if self.object == file.object {
             None
@@ -107,7 +112,8 @@ impl Stage {
         }
         let [x, y, yaw] = file.pose;
         (self.pose, self.pose_seed) = (PlanarPose { x, y, yaw }, None);
-        self.played = Some(file.demonstration);
+        let what = format!("Demonstration: {}", file.demonstration);
+        self.played = Some(Played { what, closes: "A demonstration closes the hand" });
         Ok(self.set_off(attempt))
     }
 }

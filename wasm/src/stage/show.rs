@@ -39,6 +39,7 @@ impl Stage {
         Frame {
             poses: Float32Array::from(picture.poses.as_slice()),
             pose: self.pose,
+            drawn: self.pose_seed,
             played: self.played.clone(),
             phase: picture.phase,
             tick: self.history.tick(),

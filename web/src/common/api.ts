@@ -32,6 +32,11 @@ export interface List<T> {
 
 const KEY = "ngf-token";
 
+// Whether this tab was asked for the server's token.
+export function hasToken(): boolean {
+  return sessionStorage.getItem(KEY) !== null;
+}
+
 // Asks for something; paths are relative to /api/v1/.
 export async function ask<T>(path: string, method = "GET", body?: unknown, signal?: AbortSignal): Promise<T> {
   const answer = await send(path, method, body, {}, signal);

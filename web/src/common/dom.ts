@@ -34,16 +34,33 @@ export function h<K extends keyof HTMLElementTagNameMap>(
   return made;
 }
 
-// A button that says that it is at work until it is done.
+// A button that says that it is at work until it is done. What goes wrong then is told by whoever hears its event
+// "refused"; where nobody does, the browser's list of errors has it.
 export function button(label: string, act: () => unknown, attributes: Attributes = {}): HTMLButtonElement {
   const made: HTMLButtonElement = h("button", { type: "button", ...attributes }, label);
   made.addEventListener("click", async () => {
     made.disabled = true;
     try {
       await act();
+    } catch (error) {
+      const refused = new CustomEvent("refused", { bubbles: true, cancelable: true, detail: error });
+      const isTold = !made.dispatchEvent(refused);
+      if (!isTold) throw error;
     } finally {
       made.disabled = false;
     }
   });
   return made;
+}
+
+// Copies the text of an element, and gives whether that was possible: a page that came over plain http from another
+// machine has no clipboard. The text is selected then, so that whoever wants it copies it.
+export async function copied(shown: HTMLElement): Promise<boolean> {
+  try {
+    await navigator.clipboard.writeText(shown.textContent ?? "");
+    return true;
+  } catch {
+    getSelection()?.selectAllChildren(shown);
+    return false;
+  }
 }

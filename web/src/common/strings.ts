@@ -24,3 +24,10 @@ export const TOKEN = {
   goOn: "Go on",
   missing: { detail: "Without the token nothing can be changed.", hint: "Ask whoever runs the server for it." },
 } as const;
+
+// A command for a shell.
+export const COMMAND = {
+  copied: "Copied.",
+  selected: "Selected: this browser lets no page copy here. Press Ctrl+C, or ⌘C.",
+  token: "$TOKEN stands for the server’s token.",
+} as const;

@@ -37,11 +37,11 @@ export class Arrival {
 
   showObject({ hash, name, label }: ObjectLoaded): void {
     const { objectHash, object, pose, placed, seed } = this.#shared;
+    this.#isThere = hash === objectHash;
     if (this.#stage !== "coming") return;
-    if (hash === objectHash) {
+    if (this.#isThere) {
       this.#events.untell("link_needs_file");
       this.#events.untell("link_other_object");
-      this.#isThere = true;
       this.#events.send(placed ? { kind: "place", pose } : { kind: "randomPose", seed });
       this.#stage = "placed";
       this.#go();
@@ -77,11 +77,19 @@ export class Arrival {
   }
 
   // Says whether it came to the same.
-  showVerdict({ hash }: Verdict): void {
-    if (this.#stage !== "trying") return;
+  showVerdict(verdict: Verdict): void {
+    const { hash } = verdict;
+    if (this.#stage !== "trying" || !this.#isOf(verdict)) return;
     this.#stage = "over";
     if (hash === this.#shared.end) this.#events.agrees();
     else this.#tell("link_other_end", LINK.otherEnd);
+  }
+
+  // Whoever has taken over may have begun another attempt.
+  #isOf({ seed, pose, played, pulled }: Verdict): boolean {
+    const { x, y, yaw } = this.#shared.pose;
+    const isSame = seed === this.#shared.seed && pose.x === x && pose.y === y && pose.yaw === yaw;
+    return this.#isThere && isSame && !played && !pulled;
   }
 
   #tell(code: string, told: Pick<Failure, "cause" | "cure">): void {

@@ -1,6 +1,7 @@
 // What this browser can do of what the page needs, each with a cure: ?check, or from the list of keys.
 
 import { h } from "../common/dom";
+import { FILM } from "./film";
 import { CHECK } from "./strings";
 
 interface Finding {
@@ -23,12 +24,12 @@ function findings(): Finding[] {
   const memory = (navigator as { deviceMemory?: number }).deviceMemory;
   return [
     { ...CHECK.webAssembly, works: typeof WebAssembly === "object", told: "" },
-    { ...CHECK.simd, works: WebAssembly.validate(SIMD), told: "" },
+    { ...CHECK.simd, works: typeof WebAssembly === "object" && WebAssembly.validate(SIMD), told: "" },
     { ...CHECK.workers, works: typeof Worker === "function", told: CHECK.cores(navigator.hardwareConcurrency) },
     { ...CHECK.webgl, works: context !== null, told: graphics },
     { ...CHECK.isolation, works: crossOriginIsolated },
     { ...CHECK.memory, works: memory === undefined || memory >= 2, told: memory ? CHECK.gigabytes(memory) : "" },
-    { ...CHECK.film, works: "MediaRecorder" in window, told: "" },
+    { ...CHECK.film, works: FILM !== undefined, told: "" },
   ];
 }
 

@@ -1,19 +1,24 @@
 // A second policy beside the first: the same object, pose and seed in a worker and a picture of its own.
 
 import { element, h } from "../common/dom";
-import { Engine, useModel } from "./engine";
-import type { FromWorker, ToWorker, Verdict } from "./protocol";
+import { Engine, givenUp, isEnd, useModel } from "./engine";
+import type { Failure, FromWorker, ToWorker, Verdict } from "./protocol";
 import { COMPARISON } from "./strings";
-import { View } from "./view/view";
+import type { Layer, View } from "./view/view";
 
 export interface ComparisonEvents {
   // What a worker must be told to stand where the first one does.
   now(): ToWorker[];
-  tell(failure: Extract<FromWorker, { kind: "failure" }>): void;
+  // The second picture, if there can be one.
+  picture(): View | null;
+  tell(failure: Failure): void;
 }
 
 // What the second worker is not asked for.
 const ALONE = new Set<ToWorker["kind"]>(["model", "batch", "cancel", "export", "watch", "search"]);
+
+// What ends an attempt, and its verdict with it.
+const ENDS = new Set<ToWorker["kind"]>(["load", "upload", "place", "randomPose", "grasp", "follow", "reset"]);
 
 export class Comparison {
   readonly #events: ComparisonEvents;
@@ -40,10 +45,8 @@ export class Comparison {
   // Whatever the first worker is told.
   send(message: ToWorker): void {
     if (ALONE.has(message.kind) || !this.#engine) return;
-    // Bytes go to one worker only.
-    const copy = message.kind === "upload" ? { ...message, bytes: message.bytes.slice(0) } : message;
-    this.#engine.send(copy);
-    if (message.kind === "grasp") this.#names[1].textContent = this.#choice.value;
+    this.#engine.send(message);
+    if (ENDS.has(message.kind)) this.#showNames();
   }
 
   // How the first one ended.
@@ -54,6 +57,15 @@ export class Comparison {
   // The viewer of the first picture has moved.
   stand(numbers: number[]): void {
     this.#view?.standAt(numbers);
+  }
+
+  setLayer(layer: Layer, on: boolean): void {
+    this.#view?.setLayer(layer, on);
+  }
+
+  #showNames(): void {
+    this.#names[0].textContent = this.#first;
+    this.#names[1].textContent = this.#choice.value;
   }
 
   async #list(): Promise<void> {
@@ -70,11 +82,9 @@ export class Comparison {
     this.#engine?.stop();
     this.#engine = null;
     document.body.classList.toggle("is-compared", id !== "");
-    this.#names[0].textContent = this.#first;
-    this.#names[1].textContent = id;
+    this.#showNames();
     if (id === "") return;
-    const silent = { place: () => {}, pull: () => {}, graphics: () => {}, moved: () => {} };
-    this.#view ??= new View(element("view-2", HTMLCanvasElement), silent);
+    this.#view ??= this.#events.picture();
     const engine = new Engine(useModel(id), (message) => this.#receive(message));
     this.#engine = engine;
     for (const message of this.#events.now()) engine.send(message);
@@ -99,7 +109,8 @@ export class Comparison {
         this.#names[1].textContent = `${this.#choice.value}: ${message.words}`;
         break;
       case "failure":
-        this.#events.tell(message);
+        if (isEnd(message)) this.#start((this.#choice.value = ""));
+        this.#events.tell(givenUp(message, COMPARISON.givenUp));
         break;
     }
   }

@@ -1,6 +1,6 @@
 // The worker: starts it, sends it messages, and says when it has stopped for good.
 
-import type { FromWorker, ToWorker } from "./protocol";
+import type { Failure, FromWorker, ToWorker } from "./protocol";
 import { FAILURES } from "./strings";
 
 // What tells a worker by whom to act.
@@ -8,24 +8,35 @@ export function useModel(id: string): ToWorker {
   return { kind: "model", id, base: new URL(".", document.baseURI).href };
 }
 
+// Whether a worker that says so is of no more use.
+export function isEnd({ code }: Failure): boolean {
+  return code.startsWith("engine_");
+}
+
+// The same of a worker beside the first, which whoever had begun it has given up: there is nothing to restart.
+export function givenUp(failure: Failure, cure: string): Failure {
+  return isEnd(failure) ? { ...failure, code: `second_${failure.code}`, cure } : failure;
+}
+
 export class Engine {
   #worker: Worker;
   // A worker hears nothing before it is ready: what is said meanwhile is kept.
-  #waiting: [ToWorker, Transferable[]][] | null;
+  #waiting: ToWorker[] | null;
   readonly #greeting: ToWorker;
   readonly #receive: (message: FromWorker) => void;
 
   // Every worker is told the greeting first.
   constructor(greeting: ToWorker, receive: (message: FromWorker) => void) {
     this.#greeting = greeting;
-    this.#waiting = [[greeting, []]];
+    this.#waiting = [greeting];
     this.#receive = receive;
     this.#worker = this.#start();
   }
 
-  send(message: ToWorker, transfer: Transferable[] = []): void {
-    if (this.#waiting) this.#waiting.push([message, transfer]);
-    else this.#worker.postMessage(message, transfer);
+  // Bytes are copied: others may be told the same.
+  send(message: ToWorker): void {
+    if (this.#waiting) this.#waiting.push(message);
+    else this.#worker.postMessage(message);
   }
 
   // Nobody listens any more.
@@ -36,14 +47,14 @@ export class Engine {
   // A worker that has failed cannot go on; a new one can.
   restart(): void {
     this.#worker.terminate();
-    this.#waiting = [[this.#greeting, []]];
+    this.#waiting = [this.#greeting];
     this.#worker = this.#start();
   }
 
   #deliver(): void {
     const waiting = this.#waiting ?? [];
     this.#waiting = null;
-    for (const [message, transfer] of waiting) this.#worker.postMessage(message, transfer);
+    for (const message of waiting) this.#worker.postMessage(message);
   }
 
   #start(): Worker {
@@ -51,7 +62,7 @@ export class Engine {
     // A panic tells its reason in a message, and then shows as an error too.
     let hasTold = false;
     worker.onmessage = ({ data }: MessageEvent<FromWorker>) => {
-      hasTold ||= data.kind === "failure" && data.code.startsWith("engine_");
+      hasTold ||= data.kind === "failure" && isEnd(data);
       this.#receive(data);
       if (data.kind === "ready") this.#deliver();
     };

@@ -1,13 +1,11 @@
 // Files as people bring them: one or several, a folder, from the clipboard.
 
 import { FILES } from "./strings";
-import { unzip } from "./zip";
+import { MOST, unzip } from "./zip";
 
 // What the worker reads: meshes, archives of them, demonstrations.
 const READABLE = /\.(obj|stl|ply|glb|json|zip)$/i;
 const ARCHIVE = /\.zip$/i;
-// A folder may hold more than anybody wants to look through.
-const MOST = 50;
 
 // All files of a drop, those in folders too.
 export async function dropped(transfer: DataTransfer | null): Promise<File[]> {
@@ -18,8 +16,10 @@ export async function dropped(transfer: DataTransfer | null): Promise<File[]> {
 }
 
 async function collect(entry: FileSystemEntry, files: File[]): Promise<void> {
-  if (files.length >= MOST) return;
+  // One more than are taken tells that there are more, and the first may be one that cannot be read.
+  if (files.length > MOST + 1) return;
   if (entry.isFile) {
+    if (!READABLE.test(entry.name) && files.length > 0) return;
     const file = await new Promise<File>((resolve, reject) => (entry as FileSystemFileEntry).file(resolve, reject));
     files.push(file);
     return;
@@ -43,7 +43,9 @@ export async function readable(files: Iterable<File>): Promise<File[]> {
 
 async function opened(archive: File): Promise<File[]> {
   const files = await unzip(archive, (name) => READABLE.test(name) && !ARCHIVE.test(name)).catch((error: unknown) => {
-    throw new Error(FILES.cannotOpen(archive.name, error instanceof Error ? error.message : String(error)));
+    // What it says of its parts points beyond its end.
+    const why = error instanceof RangeError ? FILES.cutOff : error instanceof Error ? error.message : String(error);
+    throw new Error(FILES.cannotOpen(archive.name, why));
   });
   if (files.length === 0) throw new Error(FILES.noMesh(archive.name));
   return files;

@@ -5,7 +5,7 @@ import { askedFor } from "./address";
 import { Arrival } from "./arrival";
 import { showCheck } from "./check";
 import { Comparison } from "./compare";
-import { Engine, useModel } from "./engine";
+import { Engine, isEnd, useModel } from "./engine";
 import { Opening } from "./opening";
 import { AttemptPanel } from "./panel/attempt";
 import { BatchPanel } from "./panel/batch";
@@ -20,28 +20,28 @@ import { ReportCard } from "./panel/report";
 import { SearchPanel } from "./panel/search";
 import { SharePanel } from "./panel/share";
 import { makeSheet } from "./panel/sheet";
-import type { FromWorker, Model, PlanarPose, Told, ToWorker } from "./protocol";
+import type { FromWorker, Model, PlanarPose, Ready, Told, ToWorker } from "./protocol";
 import { save } from "./save";
 import { type Shared, sharedIn } from "./share";
-import { FAILURES, FILES, LINK } from "./strings";
+import { Situation } from "./situation";
+import { ATTEMPT, FAILURES, FILES, LINK } from "./strings";
 import type { Preset } from "./view/camera";
-import { type Layer, View } from "./view/view";
+import { type Layer, View, type ViewEvents } from "./view/view";
 
-// The file that stands on the table, and the one that is being read.
-let shownFile: File | null = null;
-let comingFile: File | null = null;
+// The file whose bytes are awaited.
+let awaited: File | null = null;
 let isFirstModel = true;
-// What stands on the table, as a worker is told, and where.
-let standing: ToWorker | null = null;
-let placed: PlanarPose | null = null;
 let objectHash = "";
 let mostBytes = Infinity;
-let brought: Promise<void> = Promise.resolve();
+// What the address asks for, once a worker is there.
+let brought: Promise<void> | null = null;
 
+const situation = new Situation();
 const failures = new Failures(() => {
   engine.restart();
   // What stood there stands there again.
-  for (const message of now()) engine.send(message);
+  for (const message of situation.restart()) engine.send(message);
+  inside.ask();
 });
 const shared = sharedOrTold();
 const asked = askedFor(shared);
@@ -65,11 +65,15 @@ const objects = new ObjectPicker({
   load,
   upload: (file) => {
     opening.stop();
-    void upload(file, report.begin(arrival?.told));
+    void upload(file, arrival?.told);
   },
   refused: (cause) => failures.show({ kind: "failure", code: "files_unreadable", ...FILES.unusable(cause) }),
+  cut: (most) => failures.show({ kind: "failure", code: "files_left_out", ...FILES.cut(most) }),
 });
-const report = new ReportCard((told) => shownFile && void upload(shownFile, told));
+const report = new ReportCard((part) => {
+  const { file, lastTold } = situation;
+  if (file && lastTold) void upload(file, { ...lastTold, ...part });
+});
 const batch = new BatchPanel({
   send,
   seed: () => attempt.seed,
@@ -77,23 +81,40 @@ const batch = new BatchPanel({
 });
 const inside = new InsidePanel(send);
 const comparison = new Comparison({
-  now,
+  now: () => situation.now(),
+  picture: () => {
+    const picture = makeView("view-2", { place: () => {}, pull: () => {}, graphics: () => {}, moved: () => {} });
+    for (const [layer, { checked }] of switches()) picture?.setLayer(layer, checked);
+    return picture;
+  },
   tell: (failure) => failures.show(failure),
 });
 const search = new SearchPanel({
-  now,
+  now: () => situation.now(),
   seed: () => attempt.seed,
   follow: (grasps) => send({ kind: "follow", seed: attempt.seed, grasps }),
   tell: (failure) => failures.show(failure),
 });
-const view = makeView();
+const view = makeView("view", {
+  place,
+  // The second picture, if there is one, goes on by itself.
+  pull: (pull) => {
+    opening.stop();
+    engine.send({ kind: "pull", pull });
+  },
+  moved: (stand) => comparison.stand(stand),
+  graphics: (works) => {
+    if (works) failures.close("graphics_lost");
+    else failures.show({ kind: "failure", code: "graphics_lost", ...FAILURES.graphicsLost });
+  },
+});
 const share = new SharePanel({
   view: () => view?.stand() ?? [0, 0, 0, 0, 0, 0],
   picture: () => view?.picture() ?? Promise.resolve(null),
   canvas: () => element("view", HTMLCanvasElement),
   episode: () => send({ kind: "export" }),
-  told: () => (shownFile ? report.told : null),
-  file: () => shownFile,
+  told: () => situation.told,
+  file: () => situation.file,
 });
 const arrival =
   shared &&
@@ -125,8 +146,12 @@ const layers: Record<Layer, HTMLInputElement> = {
   target: element("layer-target", HTMLInputElement),
   sensor: element("layer-sensor", HTMLInputElement),
 };
-for (const [layer, input] of Object.entries(layers)) {
-  input.addEventListener("change", () => view?.setLayer(layer as Layer, input.checked));
+const switches = () => Object.entries(layers) as [Layer, HTMLInputElement][];
+for (const [layer, input] of switches()) {
+  input.addEventListener("change", () => {
+    view?.setLayer(layer, input.checked);
+    comparison.setLayer(layer, input.checked);
+  });
 }
 const help = element("help", HTMLDialogElement);
 element("help-open", HTMLButtonElement).addEventListener("click", () => help.showModal());
@@ -158,12 +183,6 @@ onKeys(
   (key) => pose.nudge(key),
 );
 
-// What a new worker must be told to stand where this one does; bytes go to one worker only.
-function now(): ToWorker[] {
-  const object = standing?.kind === "upload" ? { ...standing, bytes: standing.bytes.slice(0) } : standing;
-  return [...(object ? [object] : []), ...(placed ? [{ kind: "place", pose: placed } as const] : [])];
-}
-
 function receive(message: FromWorker): void {
   switch (message.kind) {
     case "ready":
@@ -174,15 +193,13 @@ function receive(message: FromWorker): void {
       inside.limit(message.joints);
       share.ready(message);
       mostBytes = message.mostBytes;
-      if (shared) view?.standAt(shared.view);
-      arrival?.ready(message);
-      brought = bring();
-      void opening.ready();
+      situation.ready();
+      if (!brought) begin(message);
       break;
     case "object":
+      if (!situation.loaded(message)) break;
       view?.showObject(message);
       objects.select(message);
-      if (message.name !== null) standing = { kind: "load", object: message.name };
       report.show(message.report);
       attempt.hasObject(message.tally);
       batch.clear();
@@ -190,7 +207,6 @@ function receive(message: FromWorker): void {
       objectHash = message.hash;
       share.hasObject(message);
       arrival?.showObject(message);
-      if (message.name === null) shownFile = comingFile;
       break;
     case "frame":
       view?.showFrame(message);
@@ -199,7 +215,7 @@ function receive(message: FromWorker): void {
       playback.show(message);
       inside.show(message);
       share.show(message);
-      placed = message.pose;
+      situation.show(message);
       arrival?.showFrame(message);
       break;
     case "cloud":
@@ -230,11 +246,22 @@ function receive(message: FromWorker): void {
       save(message.name, new Blob([message.text], { type: "application/json" }));
       break;
     case "failure":
-      if (message.code.startsWith("engine_")) stop();
-      if (message.code === "mesh_unusable" && comingFile) objects.refuse(comingFile.name);
+      if (isEnd(message)) stop(ATTEMPT.stopped);
+      if (message.code === "wasm_unsupported") stop(ATTEMPT.unsupported);
+      if (message.code === "mesh_unusable") refuse(situation.refused());
+      // The recording may be of another scene.
+      if (message.code === "demonstration_unusable") opening.end();
       failures.show(message);
       break;
   }
+}
+
+// Once: a worker that is begun anew goes on where the last one stopped.
+function begin(ready: Ready): void {
+  if (shared) view?.standAt(shared.view);
+  arrival?.ready(ready);
+  brought = bring();
+  void opening.ready();
 }
 
 // With a mesh that the address asks for, the first attempt begins by itself, unless motion is unwelcome.
@@ -259,7 +286,7 @@ async function bring(): Promise<void> {
     const file = await asked.fetchFile();
     if (!file) return;
     if (!asked.plays) objects.add(file);
-    await upload(file, report.begin(arrival?.told));
+    await upload(file, arrival?.told);
   } catch (error) {
     failures.show({ kind: "failure", code: "address_unusable", ...FILES.notFetched(String(error)) });
   }
@@ -271,8 +298,9 @@ function whenSeen(act: () => void): void {
 }
 
 // Without a worker nothing can be asked for; a new one says when it is ready.
-function stop(): void {
-  attempt.stop();
+function stop(headline: string): void {
+  opening.stop();
+  attempt.stop(headline);
   batch.clear();
   batch.enable(false);
   playback.disable();
@@ -280,9 +308,13 @@ function stop(): void {
 }
 
 function load(object: string): void {
-  comingFile = null;
-  standing = { kind: "load", object };
-  send(standing);
+  awaited = null;
+  send({ kind: "load", object });
+}
+
+// What stands on the table keeps its place in the list.
+function refuse(file: File | null): void {
+  if (file) objects.refuse(file.name);
 }
 
 async function upload(file: File, told: Told = { unit: null, massKg: null, stands: null }): Promise<void> {
@@ -293,19 +325,23 @@ async function upload(file: File, told: Told = { unit: null, massKg: null, stand
     failures.show({ kind: "failure", code: "mesh_too_large", ...told });
     return;
   }
-  comingFile = file;
+  awaited = file;
   try {
     const bytes = await file.arrayBuffer();
     // Another one was chosen meanwhile.
-    if (comingFile !== file) return;
+    if (awaited !== file) return;
     const message = { kind: "upload", fileName: file.name, bytes, ...told } as const;
+    // A demonstration brings its own object.
+    if (!file.name.endsWith(".json")) situation.ask(message, file);
     comparison.send(message);
-    standing = { ...message, bytes: bytes.slice(0) };
-    engine.send(message, [bytes]);
+    engine.send(message);
   } catch (error) {
     failures.show({ kind: "failure", code: "file_unreadable", ...FILES.unreadable(file.name, String(error)) });
   }
 }
+
+// A link that is followed here begins as on a page of its own.
+addEventListener("hashchange", () => sharedOrTold() && location.reload());
 
 // Nobody watches a hidden page.
 document.addEventListener("visibilitychange", () => playback.suspend(document.hidden));
@@ -326,21 +362,9 @@ function sharedOrTold(): Shared | null {
   }
 }
 
-function makeView(): View | null {
+function makeView(id: string, events: ViewEvents): View | null {
   try {
-    return new View(element("view", HTMLCanvasElement), {
-      place,
-      // The second picture, if there is one, goes on by itself.
-      pull: (pull) => {
-        opening.stop();
-        engine.send({ kind: "pull", pull });
-      },
-      moved: (stand) => comparison.stand(stand),
-      graphics: (works) => {
-        if (works) failures.close("graphics_lost");
-        else failures.show({ kind: "failure", code: "graphics_lost", ...FAILURES.graphicsLost });
-      },
-    });
+    return new View(element(id, HTMLCanvasElement), events);
   } catch (error) {
     failures.show({ kind: "failure", code: "graphics_missing", ...FAILURES.graphicsMissing(String(error)) });
     return null;

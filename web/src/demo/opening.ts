@@ -27,7 +27,7 @@ export class Opening {
     const answer = await fetch(recording).catch(() => null);
     if (!this.#isOn || this.#isOver) return;
     if (answer?.ok) this.#events.play(new File([await answer.blob()], "recording.json"));
-    else this.#end();
+    else this.end();
   }
 
   hasModel(): void {
@@ -36,7 +36,7 @@ export class Opening {
   }
 
   showVerdict({ played }: Verdict): void {
-    if (played !== null && this.#isOn) setTimeout(() => this.#end(), PAUSE);
+    if (played && this.#isOn) setTimeout(() => this.end(), PAUSE);
   }
 
   // Somebody has taken over.
@@ -44,7 +44,8 @@ export class Opening {
     this.#isOn = false;
   }
 
-  #end(): void {
+  // Nothing is played, or no more.
+  end(): void {
     this.#isOver = true;
     this.#go();
   }

@@ -147,18 +147,26 @@ export interface ObjectLoaded {
   tally: Tally;
 }
 
+// What is played in place of an attempt of whoever acts, in words.
+export interface Played {
+  what: string;
+  // Said while the hand closes.
+  closes: string;
+}
+
 export interface Frame {
   kind: "frame";
   // Seven numbers a body: position, quaternion; the robot's bodies, then the object.
   poses: Float32Array;
   pose: PlanarPose;
-  // Which demonstration is played, if one is.
-  played: string | null;
+  // The seed that the pose was drawn from; null if the object was placed by hand.
+  drawn: number | null;
+  played: Played | null;
   phase: Phase;
-  // Which tick is shown, how many there are, and the first one of each phase so far.
+  // Which tick is shown, how many there are, and the phases so far, each with its first one.
   tick: number;
   ticks: number;
-  marks: number[];
+  marks: [Phase, number][];
   // Commanded positions of all joints.
   joints: Float32Array;
   // Where they would have the robot's bodies: seven numbers each.
@@ -213,8 +221,8 @@ export interface Verdict {
   pose: PlanarPose;
   // Whether the object was placed by hand, not where the seed puts it.
   placed: boolean;
-  // Which demonstration this was, if it was one: it does not count.
-  played: string | null;
+  // What was played, if something was: it does not count.
+  played: Played | null;
   // Whether somebody pulled at the object: then it does not count either.
   pulled: boolean;
   // Of the final state, the same on every machine.

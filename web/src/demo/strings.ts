@@ -12,12 +12,11 @@ export const ATTEMPT = {
   policy: "Policy",
   planner: "Planner",
   closes: (actor: string) => `The ${actor} closes the hand`,
-  demonstrates: "A demonstration closes the hand",
   stopped: "Stopped",
+  unsupported: "This browser cannot run it",
   seed: (seed: number) => `Seed ${seed}`,
   byHand: (x: string, y: string, yaw: string) => `, placed by hand at ${x}, ${y} m, ${yaw} rad,`,
-  demonstration: (name: string) => `Demonstration: ${name}`,
-  noPolicy: (name: string) => `Demonstration: ${name}. No policy acts.`,
+  noPolicy: (what: string) => `${what}. No policy acts.`,
   ended: (what: string, hash: string) => `${what} ended in state ${hash}`,
   pulled: "Somebody pulled at the object: this one does not count.",
   asInLink: (note: string | null) => `${note}, as in the link`,
@@ -56,7 +55,10 @@ export const REPORT = {
   onSide: (number: number) => `on side ${number}`,
 } as const;
 
-export const COMPARISON = { planner: "planner" } as const;
+export const COMPARISON = {
+  planner: "planner",
+  givenUp: "The comparison is closed; the attempt goes on. Choose the policy again to compare.",
+} as const;
 
 export const SEARCH = {
   hint: "Every mesh gets an answer: grasps are tried in physics, without any learning, and the best one is played.",
@@ -65,10 +67,13 @@ export const SEARCH = {
   stop: "Stop",
   stopped: "Stopped.",
   again: "Play again",
+  givenUp: "The search has ended; the attempt goes on. Search again, or take a simpler mesh.",
 } as const;
 
 export const SHARE = {
   hint: "The link brings others to this attempt; it ends the same there.",
+  noPolicy: "No link to this one: a link can only repeat what a policy does.",
+  pulled: "No link to this one: a link cannot repeat how somebody pulled.",
   copied: "Copied.",
   copiedWithoutFile: "Copied. Others need the file of the object, too.",
   sending: (file: string) => `Sending ${file}…`,
@@ -82,7 +87,7 @@ export const SHARE = {
 
 export const INSIDE = {
   groups: { arm: "Arm", index: "Index", middle: "Middle", ring: "Ring", thumb: "Thumb" },
-  limits: (joint: string, lower: string, upper: string) => `${joint}: ${lower} to ${upper} rad`,
+  stands: (now: string, lower: string, upper: string) => `${now} rad, from ${lower} to ${upper}`,
   plots: {
     energy: { name: "Energy ½ q̇ᵀq̇", unit: "rad²/s²" },
     damping: { name: "Damping λmax(B) + β", unit: "1/s" },
@@ -138,9 +143,11 @@ export const FILES = {
   noMesh: (archive: string) => `${archive} holds no OBJ, STL, PLY or GLB file`,
   noEnd: "it has no end: perhaps it was not copied as a whole",
   damagedList: "its list of files is damaged",
+  cutOff: "a part of it is missing: perhaps it was not copied as a whole",
   unknownPacking: (file: string) => `${file} is packed in a way that browsers do not know`,
   tooLong: (file: string) => `${file} is larger than 50 MB`,
   unusable: (cause: string) => ({ cause: `${cause}.`, cure: "Take the mesh out of it, and drop that." }),
+  cut: (most: number) => ({ cause: `More than ${most} files can be read there: the first ${most} were taken.`, cure: "Bring the others in parts." }),
   unreadable: (file: string, why: string) => ({
     cause: `${file} could not be read: ${why}`,
     cure: "Check that it still exists and may be read, and choose it again.",
@@ -159,6 +166,7 @@ export const FILES = {
 export const FAILURES = {
   copied: "Copied",
   notLoaded: (why: string) => ({ cause: why, cure: "Reload the page. It needs Chrome 111, Firefox 121, Safari 16.4 or newer." }),
+  unsupported: { cause: "This browser has no WebAssembly with SIMD, which the simulation is made of.", cure: UPDATE },
   stopped: (why: string | undefined) => ({
     cause: why ? `The simulation stopped: ${why}` : "The simulation did not start.",
     cure: "Restart it; the page itself is unharmed.",

@@ -9,10 +9,9 @@ try {
   await init({ module_or_path: wasm });
   start();
 } catch (error) {
-  const failure: Failure = {
-    kind: "failure",
-    code: error instanceof WebAssembly.CompileError ? "wasm_unsupported" : "engine_not_loaded",
-    ...FAILURES.notLoaded(String(error)),
-  };
+  const isUnsupported = typeof WebAssembly !== "object" || error instanceof WebAssembly.CompileError;
+  const failure: Failure = isUnsupported
+    ? { kind: "failure", code: "wasm_unsupported", ...FAILURES.unsupported }
+    : { kind: "failure", code: "engine_not_loaded", ...FAILURES.notLoaded(String(error)) };
   postMessage(failure);
 }

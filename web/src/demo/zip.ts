@@ -8,17 +8,18 @@ const ENTRY = 0x02014b50;
 const LONGEST_END = 22 + 0xffff;
 const STORED = 0;
 const DEFLATED = 8;
-// Files that are unpacked, and the size of each (bytes): the worker refuses longer ones.
-const MOST = 50;
+// Files that are taken at once: more, nobody wants to look through.
+export const MOST = 50;
+// Size of each (bytes): the worker refuses longer ones.
 const LONGEST = 51 * 1024 * 1024;
 
-// Those that are wanted by their names. Throws where the archive is damaged or too large.
+// Those that are wanted by their names, one more than are taken at most. Throws where the archive is damaged or too large.
 export async function unzip(archive: File, isWanted: (name: string) => boolean): Promise<File[]> {
   const bytes = new DataView(await archive.arrayBuffer());
   const files: File[] = [];
   for (const { name, method, size, start } of entries(bytes)) {
     const last = name.split("/").pop() ?? name;
-    if (!isWanted(last) || name.includes("__MACOSX") || files.length >= MOST) continue;
+    if (!isWanted(last) || name.includes("__MACOSX") || files.length > MOST) continue;
     // Behind its own header, whose name and extra fields may be longer than in the list.
     const from = start + 30 + bytes.getUint16(start + 26, true) + bytes.getUint16(start + 28, true);
     const packed = new Uint8Array(bytes.buffer, from, size);

@@ -5,6 +5,7 @@ import { refusal, table } from "../common/parts";
 import { type Description, members, type Operation, type Parameter, resolve, type Schema } from "../common/openapi";
 import { send } from "../common/api";
 import { COPY_AS_CURL } from "../common/strings";
+import { copyCommand, tokenHeader } from "../common/curl";
 import { REQUEST, TRIED } from "./strings";
 
 // Longer answers are cut.
@@ -88,9 +89,10 @@ function tried(description: Description, method: string, path: string, parameter
   };
   const command = () => {
     const verb = method === "get" || (method === "post" && text) ? "" : ` -X ${method.toUpperCase()}`;
+    const token = method === "get" ? "" : tokenHeader();
     const data = text ? ` -d '${text.value.replaceAll("'", "'\\''")}'` : "";
     const address = decodeURI(url());
-    shell.textContent = `curl -fsS${verb}${data} ${/[?&{]/.test(address) ? `"${address}"` : address}`;
+    shell.textContent = `curl -fsS${verb}${token}${data} ${/[?&{]/.test(address) ? `"${address}"` : address}`;
   };
   const run = async () => {
     answer.hidden = false;
@@ -105,13 +107,23 @@ function tried(description: Description, method: string, path: string, parameter
   for (const input of [...inputs, ...(text ? [text] : [])]) input.addEventListener("input", command);
   command();
   const isStream = path.endsWith("/stream");
-  const copy = button(COPY_AS_CURL, () => navigator.clipboard.writeText(shell.textContent ?? ""), { class: "quiet" });
+  const told = h("p", { class: "hint told", role: "status" });
+  const copy = button(
+    COPY_AS_CURL,
+    async () => {
+      // The token may have been asked for since.
+      command();
+      told.textContent = await copyCommand(shell);
+    },
+    { class: "quiet" },
+  );
   return h(
     "div",
     { class: "try" },
     h("div", { class: "inputs" }, ...inputs),
     text,
     h("div", { class: "shell" }, shell, copy, isStream ? null : button(TRIED.tryIt, run)),
+    told,
     answer,
   );
 }

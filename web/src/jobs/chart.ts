@@ -19,6 +19,9 @@ const HEIGHT = 220;
 export class Chart {
   readonly element = document.createElement("figure");
   readonly #name: string;
+  readonly #resized = new ResizeObserver(([entry]) => {
+    if (entry && this.#plot) this.#plot.setSize({ width: entry.contentRect.width, height: HEIGHT });
+  });
   #plot: uPlot | null = null;
   #shown = "";
 
@@ -28,9 +31,14 @@ export class Chart {
     caption.textContent = name.replaceAll("_", " ").replaceAll(".", " · ");
     this.element.className = "chart";
     this.element.append(caption);
-    new ResizeObserver(([entry]) => {
-      if (entry && this.#plot) this.#plot.setSize({ width: entry.contentRect.width, height: HEIGHT });
-    }).observe(this.element);
+    this.#resized.observe(this.element);
+  }
+
+  // Plots listen to the whole window.
+  close(): void {
+    this.#resized.disconnect();
+    this.#plot?.destroy();
+    this.#plot = null;
   }
 
   // Draws it anew; where somebody has zoomed in, that stays.

@@ -19,6 +19,7 @@ export class Charts {
   readonly #courses: { course: Course; label: string }[];
   readonly #look: Look = remembered();
   #timer = 0;
+  #isClosed = false;
   readonly #stop: () => void;
 
   constructor(feed: Feed, jobs: Job[]) {
@@ -40,8 +41,10 @@ export class Charts {
   }
 
   close(): void {
+    this.#isClosed = true;
     this.#stop();
     clearTimeout(this.#timer);
+    for (const chart of this.#charts.values()) chart.close();
   }
 
   #later(): void {
@@ -52,6 +55,8 @@ export class Charts {
   }
 
   #draw(): void {
+    // What was fetched may come when nobody looks any more.
+    if (this.#isClosed) return;
     const names = [...new Set(this.#courses.flatMap(({ course }) => course.names()))];
     const rank = (name: string) => (FIRST.findIndex((first) => name.startsWith(first)) + FIRST.length + 1) % (FIRST.length + 1);
     names.sort((a, b) => rank(a) - rank(b));

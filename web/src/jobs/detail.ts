@@ -6,15 +6,13 @@ import { download, facts, failureCard, link, refusal, section } from "../common/
 import { duration, number, when } from "../common/numbers";
 import { Charts } from "./charts";
 import { Checkpoints } from "./checkpoints";
+import { Deletion } from "./deletion";
 import type { Feed } from "./feed";
 import { Log } from "./log";
-import { demo, evaluations, progressInWords } from "./parts";
+import { demo, evaluations, progressInWords, showStatus } from "./parts";
 import { DEMO, EVALUATION, FACTS, JOB, KINDS, PROGRESS } from "./strings";
 import { type Artifact, type Checkpoint, ENDED, type Evaluation, type Job, title } from "./types";
 import type { View } from "./view";
-
-// A deletion can be taken back for so long (ms).
-const REGRET = 6000;
 
 export class Detail implements View {
   readonly element = h("article", { class: "detail-job" });
@@ -28,6 +26,7 @@ export class Detail implements View {
   readonly #error = h("div");
   readonly #made = h("div", { class: "made" });
   readonly #notice = h("div");
+  readonly #deletion = new Deletion(() => this.#delete());
   readonly #stop: () => void;
   #charts: Charts | null = null;
   #checkpoints: Checkpoints | null = null;
@@ -52,6 +51,8 @@ export class Detail implements View {
     this.#stop();
     this.#charts?.close();
     this.#log?.close();
+    // It cannot be taken back where it is not seen.
+    this.#deletion.settle();
   }
 
   async #open(): Promise<void> {
@@ -69,6 +70,7 @@ export class Detail implements View {
         this.#bar,
         this.#stands,
         this.#error,
+        this.#deletion.element,
         this.#notice,
       );
       this.element.append(head, this.#charts.element, this.#checkpoints.element, this.#made, this.#log.element);
@@ -83,8 +85,7 @@ export class Detail implements View {
     const job = this.#feed.jobs.get(this.#id);
     if (!job) return;
     this.#name.textContent = title(job);
-    this.#chip.textContent = job.status;
-    this.#chip.className = `chip is-${job.status}`;
+    showStatus(this.#chip, job.status);
     this.#stands.textContent = stands(job);
     this.#bar.hidden = !["running", "paused", "cancelling"].includes(job.status);
     if (job.progress) this.#bar.value = job.progress.fraction;
@@ -104,13 +105,15 @@ export class Detail implements View {
       ...(has("paused") ? [verb("resume", JOB.resume)] : []),
       ...(has("failed", "cancelled") ? [verb("retry", job.resumable ? JOB.goOn : JOB.tryAgain)] : []),
       ...(has("running", "queued", "paused") ? [verb("cancel", JOB.stop)] : []),
-      h("a", { class: "action", href: `#new?clone=${job.id}` }, JOB.again),
+      h("a", { class: "action", href: `#new?clone=${job.id}`, click: () => this.#deletion.cancel() }, JOB.again),
       button(JOB.rename, () => this.#rename(job)),
-      ...(ENDED.includes(job.status) ? [button(JOB.delete, () => this.#delete(job))] : []),
+      ...(ENDED.includes(job.status) ? [button(JOB.delete, () => this.#deletion.begin())] : []),
     ];
   }
 
+  // Whoever wants something else of a job does not want it deleted.
   async #do(act: () => Promise<unknown>): Promise<void> {
+    this.#deletion.cancel();
     this.#notice.replaceChildren();
     try {
       await act();
@@ -126,22 +129,15 @@ export class Detail implements View {
     }
   }
 
-  // It is gone from here at once, and from the server when nobody has taken it back.
-  #delete(job: Job): void {
-    let isWanted = false;
-    const undo = button(JOB.undo, () => {
-      isWanted = true;
-      this.#notice.replaceChildren();
-    });
-    this.#notice.replaceChildren(h("p", { class: "toast", role: "status" }, JOB.deleted, undo));
-    setTimeout(() => {
-      if (isWanted) return;
-      void this.#do(async () => {
-        await ask(`jobs/${job.id}`, "DELETE");
-        this.#feed.forget(job.id);
-        if (!this.#isClosed) location.hash = "#jobs";
-      });
-    }, REGRET);
+  async #delete(): Promise<void> {
+    try {
+      await ask(`jobs/${this.#id}`, "DELETE");
+      this.#feed.forget(this.#id);
+      if (!this.#isClosed) location.hash = "#jobs";
+    } catch (error) {
+      // Who has gone on sees it in the list as before.
+      this.#notice.replaceChildren(refusal(error));
+    }
   }
 
   async #showMade(): Promise<void> {

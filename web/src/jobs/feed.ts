@@ -1,4 +1,5 @@
-// The jobs of the server, kept as they are there: pages of the list, and one stream of what happens.
+// The jobs of the server, kept as they are there: pages of a list, one stream of what happens, and whatever else was
+// asked for. Those are listed that a filter wants and that the pages so far have come to.
 
 import { API, ask, type List, Refused } from "../common/api";
 import type { Job, JobEvent } from "./types";
@@ -12,6 +13,12 @@ const AGAIN = 2000;
 
 export type Connection = "connecting" | "live" | "lost";
 
+// Statuses (with commas) and the kind of the jobs that are listed, "" being all.
+export interface Filter {
+  status: string;
+  kind: string;
+}
+
 export interface Listener {
   jobs?(changed: Set<string>): void;
   event?(event: JobEvent): void;
@@ -22,7 +29,9 @@ export class Feed {
   readonly jobs = new Map<string, Job>();
   readonly #listeners = new Set<Listener>();
   #hasMore = true;
-  #filter = "";
+  #filter: Filter = { status: "", kind: "" };
+  // The last id of the pages so far, "" before the first; jobs that are known from elsewhere may be older.
+  #oldest = "";
   #last: string | null = null;
   #changed = new Set<string>();
   #stale = new Set<string>();
@@ -40,28 +49,28 @@ export class Feed {
     return this.#hasMore;
   }
 
-  // Newest first.
-  list(): Job[] {
-    return [...this.jobs.values()].sort((a, b) => (a.id < b.id ? 1 : -1));
+  // Ids sort by time.
+  isListed({ id, status, kind }: Job): boolean {
+    const wanted = this.#filter;
+    const isWanted = (!wanted.status || wanted.status.split(",").includes(status)) && (!wanted.kind || wanted.kind === kind);
+    return isWanted && (!this.#hasMore || (this.#oldest !== "" && id >= this.#oldest));
   }
 
-  // Begins anew with jobs of these statuses and kinds, "" being all.
-  async filter(query: string): Promise<void> {
-    this.#filter = query;
-    this.jobs.clear();
-    this.#hasMore = true;
-    await this.more();
+  // Lists these from now on; its pages begin anew.
+  filter(filter: Filter): void {
+    [this.#filter, this.#oldest, this.#hasMore] = [filter, "", true];
   }
 
   // Fetches the next page.
   async more(): Promise<void> {
     if (!this.#hasMore) return;
     const filter = this.#filter;
-    const after = this.list().at(-1)?.id;
-    const page = await ask<List<Job>>(`jobs?limit=${PAGE}${after ? `&after=${after}` : ""}${filter}`);
+    const asked = Object.entries({ limit: String(PAGE), after: this.#oldest, ...filter }).filter(([, value]) => value !== "");
+    const page = await ask<List<Job>>(`jobs?${new URLSearchParams(asked)}`);
     // Another filter was chosen meanwhile.
     if (filter !== this.#filter) return;
     this.#hasMore = page.has_more;
+    this.#oldest = page.data.at(-1)?.id ?? this.#oldest;
     for (const job of page.data) this.#put(job);
     this.#tell();
   }

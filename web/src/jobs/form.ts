@@ -1,12 +1,14 @@
 // A new job: a form made from what the server says of its parameters, checked and estimated while it is filled in.
 
-import { API, ask, type List, Refused } from "../common/api";
+import { API, ask, Refused } from "../common/api";
 import { button, h } from "../common/dom";
 import { refusal } from "../common/parts";
 import { type Description, describe, members, type Schema } from "../common/openapi";
 import { duration, label, number, size } from "../common/numbers";
 import { COPY_AS_CURL } from "../common/strings";
+import { copyCommand, tokenHeader } from "../common/curl";
 import type { Feed } from "./feed";
+import { everyPage } from "./pages";
 import { DATASETS, FORM, KINDS, PARAMETERS } from "./strings";
 import { type Job, title } from "./types";
 import type { View } from "./view";
@@ -19,8 +21,10 @@ const PAUSE = 350;
 // Hints with more letters stand below.
 const LONG = 70;
 
+type ListedRecord = { id: string } & Record<string, unknown>;
+
 // Which records a parameter may name.
-const RECORDS: Record<string, { path: string; label: (record: Record<string, unknown>) => string }> = {
+const RECORDS: Record<string, { path: string; label: (record: ListedRecord) => string }> = {
   dataset_id: { path: "datasets", label: ({ id, config }) => `${String(id)}, ${preset(config)}` },
   encoder_id: { path: "models", label: modelLabel },
   model_id: { path: "models", label: modelLabel },
@@ -34,6 +38,8 @@ export class NewJob implements View {
   readonly #fields = h("div", { class: "fields" });
   readonly #estimate = h("p", { class: "estimate", role: "status" });
   readonly #problem = h("div");
+  readonly #command = h("code", { class: "command", hidden: true });
+  readonly #told = h("p", { class: "hint told", role: "status" });
   readonly #name = h("input", { type: "text", maxlength: 200, placeholder: FORM.forPeople });
   readonly #inputs = new Map<string, Field>();
   #description: Description | null = null;
@@ -52,6 +58,8 @@ export class NewJob implements View {
       this.#estimate,
       this.#problem,
       h("div", { class: "actions" }, submit, copy),
+      this.#told,
+      this.#command,
     );
     this.element.addEventListener("input", () => this.#later());
     void this.#open(query);
@@ -69,13 +77,25 @@ export class NewJob implements View {
       this.#kind = like?.kind ?? query.get("kind") ?? this.#kind;
       if (like) this.#name.value = FORM.changed(title(like));
       for (const [value, text] of Object.entries(KINDS)) {
-        const input = h("input", { type: "radio", name: "kind", value, change: () => void this.#choose(value, {}) });
+        const input = h("input", { type: "radio", name: "kind", value, change: () => void this.#change(value) });
         input.checked = value === this.#kind;
         this.#kinds.append(h("label", {}, input, text));
       }
       await this.#choose(this.#kind, like?.params ?? Object.fromEntries(query));
     } catch (error) {
       this.element.replaceChildren(h("h1", {}, FORM.title), refusal(error));
+    }
+  }
+
+  // Another kind; where what it needs cannot be fetched, there is nothing to fill in.
+  async #change(kind: string): Promise<void> {
+    try {
+      await this.#choose(kind, {});
+    } catch (error) {
+      if (this.#kind !== kind) return;
+      this.#inputs.clear();
+      this.#fields.replaceChildren();
+      this.#blame(error);
     }
   }
 
@@ -149,6 +169,9 @@ export class NewJob implements View {
   }
 
   #later(): void {
+    // What was copied is no longer what stands here.
+    this.#command.hidden = true;
+    this.#told.textContent = "";
     clearTimeout(this.#timer);
     this.#timer = window.setTimeout(() => void this.#check(), PAUSE);
   }
@@ -199,8 +222,9 @@ export class NewJob implements View {
 
   async #copy(): Promise<void> {
     const body = JSON.stringify(this.#request()).replaceAll("'", "'\\''");
-    await navigator.clipboard.writeText(`curl -fsS -d '${body}' ${new URL("jobs", API).href}`);
-    this.#estimate.textContent = FORM.copied;
+    this.#command.textContent = `curl -fsS${tokenHeader()} -d '${body}' ${new URL("jobs", API).href}`;
+    this.#command.hidden = false;
+    this.#told.textContent = await copyCommand(this.#command);
   }
 }
 
@@ -213,8 +237,8 @@ function order(name: string, required: string[]): number {
 }
 
 async function recordsOf(name: string, { path, label: text }: (typeof RECORDS)[string]): Promise<[string, string][]> {
-  const { data } = await ask<List<Record<string, unknown>>>(`${path}?limit=100`);
-  const records = data.map((record): [string, string] => [String(record["id"]), text(record)]);
+  const all = await everyPage<ListedRecord>(path);
+  const records = all.map((record): [string, string] => [record.id, text(record)]);
   return name === "model_id" ? [...records, ["planner", FORM.planner]] : records;
 }
 

@@ -1,10 +1,11 @@
 // What jobs made and people brought: datasets, models and meshes, each as a list and one by one.
 
-import { API, ask, type List, send } from "../common/api";
+import { API, ask, send } from "../common/api";
 import { button, h } from "../common/dom";
 import { download, facts, link, refusal, section, table } from "../common/parts";
 import { count, label, size, when } from "../common/numbers";
 import { outOf } from "../common/strings";
+import { Pages } from "./pages";
 import { demo, evaluations } from "./parts";
 import { DATASET, DATASETS, DEMO, EVALUATION, FACTS, MESHES, MODEL, MODELS } from "./strings";
 import type { Evaluation } from "./types";
@@ -40,18 +41,20 @@ const kept = ({ summary }: DatasetRecord) =>
   Object.values(summary).reduce((sum, { fates }) => sum + (fates["kept"] ?? 0), 0);
 
 export function datasets(): View {
-  return fetched(async () => {
-    const { data } = await ask<List<DatasetRecord>>("datasets?limit=100");
-    const rows = data.map((one) => [
-      link(`datasets/${one.id}`, one.id),
-      one.config.objects.length > 3 ? DATASETS.objects(one.config.objects.length) : one.config.objects.map(label).join(", "),
-      count(kept(one)),
-      size(one.bytes),
-      when(one.created_at),
-    ]);
-    const none = h("p", { class: "hint" }, DATASETS.none);
-    return [h("h1", {}, DATASETS.title), rows.length > 0 ? table(DATASETS.head, rows, [2, 3]) : none];
+  const row = (one: DatasetRecord) => [
+    link(`datasets/${one.id}`, one.id),
+    one.config.objects.length > 3 ? DATASETS.objects(one.config.objects.length) : one.config.objects.map(label).join(", "),
+    count(kept(one)),
+    size(one.bytes),
+    when(one.created_at),
+  ];
+  const pages = new Pages<DatasetRecord>({
+    path: "datasets?limit=100",
+    key: ({ id }) => id,
+    table: (page) => table(DATASETS.head, page.map(row), [2, 3]),
+    none: DATASETS.none,
   });
+  return { element: h("article", {}, h("h1", {}, DATASETS.title), pages.element) };
 }
 
 export function dataset(id: string): View {
@@ -79,27 +82,22 @@ export function dataset(id: string): View {
   });
 }
 
-// Page after page of what was kept, each to be played.
+// What was kept, each to be played.
 function episodes(id: string): HTMLElement {
-  const body = h("div");
-  let last = -1;
-  const more = button(DATASET.more, () => fetchMore());
-  const fetchMore = async () => {
-    const page = await ask<List<EpisodeEntry>>(`datasets/${id}/episodes?limit=20${last >= 0 ? `&after=${last}` : ""}`);
-    last = page.data.at(-1)?.index ?? last;
-    const rows = page.data.map(({ index, object, pose_index, pose: [x, y, yaw] }) => [
-      String(index),
-      label(object),
-      String(pose_index),
-      `${(100 * x).toFixed(1)}, ${(100 * y).toFixed(1)} cm, ${((180 / Math.PI) * yaw).toFixed(0)}°`,
-      demo(`episode=${id}/${index}`, DEMO.play),
-      download(new URL(`datasets/${id}/episodes/${index}`, API).href, `${id}-${index}.json`),
-    ]);
-    body.append(table(DATASET.episodesHead, rows, [0, 2]));
-    more.hidden = !page.has_more;
-  };
-  fetchMore().catch((error: unknown) => body.append(refusal(error)));
-  return h("div", {}, body, more);
+  const row = ({ index, object, pose_index, pose: [x, y, yaw] }: EpisodeEntry) => [
+    String(index),
+    label(object),
+    String(pose_index),
+    `${(100 * x).toFixed(1)}, ${(100 * y).toFixed(1)} cm, ${((180 / Math.PI) * yaw).toFixed(0)}°`,
+    demo(`episode=${id}/${index}`, DEMO.play),
+    download(new URL(`datasets/${id}/episodes/${index}`, API).href, `${id}-${index}.json`),
+  ];
+  return new Pages<EpisodeEntry>({
+    path: `datasets/${id}/episodes?limit=20`,
+    key: ({ index }) => index,
+    table: (page) => table(DATASET.episodesHead, page.map(row), [0, 2]),
+    none: DATASET.noEpisodes,
+  }).element;
 }
 
 interface ModelRecord {
@@ -114,17 +112,20 @@ interface ModelRecord {
 }
 
 export function models(): View {
-  return fetched(async () => {
-    const { data } = await ask<List<ModelRecord>>("models");
-    const rows = data.map((one) => [
-      link(`models/${one.id}`, one.id),
-      one.kind ?? "policy",
-      one.step == null ? "" : one.step.toLocaleString("en"),
-      one.created_at ? when(one.created_at) : MODELS.builtIn,
-      one.kind === "encoder" ? "" : demo(`model=${one.id}`, DEMO.tryIn),
-    ]);
-    return [h("h1", {}, MODELS.title), table(MODELS.head, rows, [2])];
+  const row = (one: ModelRecord) => [
+    link(`models/${one.id}`, one.id),
+    one.kind ?? "policy",
+    one.step == null ? "" : one.step.toLocaleString("en"),
+    one.created_at ? when(one.created_at) : MODELS.builtIn,
+    one.kind === "encoder" ? "" : demo(`model=${one.id}`, DEMO.tryIn),
+  ];
+  const pages = new Pages<ModelRecord>({
+    path: "models?limit=100",
+    key: ({ id }) => id,
+    table: (page) => table(MODELS.head, page.map(row), [2]),
+    none: MODELS.none,
   });
+  return { element: h("article", {}, h("h1", {}, MODELS.title), pages.element) };
 }
 
 export function model(id: string): View {
@@ -162,26 +163,26 @@ interface MeshRecord {
 }
 
 export function meshes(): View {
-  return fetched(async () => {
-    const { data } = await ask<List<MeshRecord>>("meshes?limit=100");
-    const body = h("div");
-    const show = (all: MeshRecord[]) => body.replaceChildren(all.length > 0 ? meshTable(all, refresh) : h("p", { class: "hint" }, MESHES.none));
-    const refresh = async () => show((await ask<List<MeshRecord>>("meshes?limit=100")).data);
-    const notice = h("div");
-    const input = h("input", { type: "file", accept: ".obj,.stl,.ply,.glb", "aria-label": MESHES.file });
-    input.addEventListener("change", async () => {
-      notice.replaceChildren();
-      try {
-        for (const file of input.files ?? []) await send(`meshes?name=${encodeURIComponent(file.name)}`, "POST", file);
-        await refresh();
-      } catch (error) {
-        notice.replaceChildren(refusal(error));
-      }
-      input.value = "";
-    });
-    show(data);
-    return [h("h1", {}, MESHES.title), h("p", { class: "hint" }, MESHES.hint), h("p", {}, input), notice, body];
+  const pages: Pages<MeshRecord> = new Pages<MeshRecord>({
+    path: "meshes?limit=100",
+    key: ({ id }) => id,
+    table: (page) => meshTable(page, () => pages.begin()),
+    none: MESHES.none,
   });
+  const notice = h("div");
+  const input = h("input", { type: "file", accept: ".obj,.stl,.ply,.glb", "aria-label": MESHES.file });
+  input.addEventListener("change", async () => {
+    notice.replaceChildren();
+    try {
+      for (const file of input.files ?? []) await send(`meshes?name=${encodeURIComponent(file.name)}`, "POST", file);
+      await pages.begin();
+    } catch (error) {
+      notice.replaceChildren(refusal(error));
+    }
+    input.value = "";
+  });
+  const hint = h("p", { class: "hint" }, MESHES.hint);
+  return { element: h("article", {}, h("h1", {}, MESHES.title), hint, h("p", {}, input), notice, pages.element) };
 }
 
 function meshTable(all: MeshRecord[], refresh: () => Promise<void>): HTMLElement {
@@ -199,4 +200,3 @@ function meshTable(all: MeshRecord[], refresh: () => Promise<void>): HTMLElement
   ]);
   return table(MESHES.head, rows);
 }
-

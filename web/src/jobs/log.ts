@@ -1,6 +1,6 @@
 // What the process of a job printed: its end, then what comes.
 
-import { API, send } from "../common/api";
+import { API, Refused, send } from "../common/api";
 import { h } from "../common/dom";
 import type { Feed } from "./feed";
 import { LOG } from "./strings";
@@ -20,9 +20,13 @@ export class Log {
   readonly #follow: HTMLInputElement;
   readonly #id: string;
   readonly #feed: Feed;
+  readonly #stop: () => void;
   #text: string[] = [""];
   #next = -1;
   #timer = 0;
+  // All was read of a job that is over.
+  #isAtRest = false;
+  #isClosed = false;
 
   constructor(feed: Feed, job: Job) {
     this.#feed = feed;
@@ -50,15 +54,30 @@ export class Log {
       ),
       this.#lines,
     );
+    // A job that goes on says more.
+    this.#stop = feed.listen({
+      jobs: (changed) => changed.has(job.id) && this.#isAtRest && !this.#isOver() && void this.#fetch(),
+    });
     void this.#fetch();
   }
 
   close(): void {
+    this.#isClosed = true;
+    this.#stop();
     clearTimeout(this.#timer);
-    this.#timer = -1;
+  }
+
+  // One that is gone is over, too.
+  #isOver(): boolean {
+    const job = this.#feed.jobs.get(this.#id);
+    return !job || ENDED.includes(job.status);
   }
 
   async #fetch(): Promise<void> {
+    this.#isAtRest = false;
+    // Known before: what is printed while the answer comes is not in it.
+    const wasOver = this.#isOver();
+    let isAnswered = true;
     // With the last byte that is known, so that there always is something to answer with.
     const range = this.#next > 0 ? `bytes=${this.#next - 1}-` : `bytes=-${END}`;
     try {
@@ -70,12 +89,12 @@ export class Log {
       if (known === 0) this.#text = [""];
       this.#next = first + bytes.byteLength;
       this.#add(new TextDecoder().decode(bytes.subarray(known)));
-    } catch {
-      // The server may be away; it is asked again.
+    } catch (error) {
+      // A server that is away is asked again.
+      isAnswered = error instanceof Refused && error.problem.status > 0;
     }
-    const job = this.#feed.jobs.get(this.#id);
-    const isOver = job && ENDED.includes(job.status);
-    if (!isOver && this.#timer >= 0) this.#timer = window.setTimeout(() => void this.#fetch(), PERIOD);
+    this.#isAtRest = wasOver && isAnswered && this.#isOver();
+    if (!this.#isAtRest && !this.#isClosed) this.#timer = window.setTimeout(() => void this.#fetch(), PERIOD);
   }
 
   #add(text: string): void {

@@ -1,6 +1,6 @@
 // The jobs page: a list, what was chosen in it, and an address for everything.
 
-import { Refused } from "../common/api";
+import { noServer, Refused } from "../common/api";
 import { element, h } from "../common/dom";
 import { refusal } from "../common/parts";
 import { Comparison } from "./compare";
@@ -8,6 +8,7 @@ import { Detail } from "./detail";
 import { Feed } from "./feed";
 import { NewJob } from "./form";
 import { dataset, datasets, meshes, model, models } from "./library";
+import { tellRefusals } from "./parts";
 import { Rail } from "./rail";
 import { CONNECTION, LIST } from "./strings";
 import type { View } from "./view";
@@ -19,6 +20,9 @@ const rail = new Rail(feed, (ids) => {
   else if (location.hash.startsWith("#compare")) location.hash = `#jobs/${ids[0] ?? ""}`;
 });
 let view: View | null = null;
+// Why there is no list at all.
+let absence: Refused | null = null;
+tellRefusals(detail);
 
 const connection = element("connection", HTMLElement);
 feed.listen({
@@ -55,9 +59,10 @@ function show(): void {
   const route = location.hash.slice(1);
   view?.close?.();
   view = viewOf(route);
-  detail.replaceChildren(view?.element ?? h("p", { class: "empty hint" }, LIST.choose));
+  const otherwise = () => (absence ? refusal(absence) : h("p", { class: "empty hint" }, LIST.choose));
+  detail.replaceChildren(view?.element ?? otherwise());
   detail.scrollTop = 0;
-  document.body.classList.toggle("has-detail", view !== null);
+  document.body.classList.toggle("has-detail", view !== null || absence !== null);
   rail.choose(/^jobs\/(job_\w+)/.exec(route)?.[1] ?? null);
   for (const tab of document.querySelectorAll<HTMLAnchorElement>(".tabs a")) {
     const isHere = (tab.hash === "#jobs" ? /^(|jobs.*|compare.*)$/ : new RegExp(`^${tab.hash.slice(1)}`)).test(route);
@@ -66,16 +71,22 @@ function show(): void {
   }
 }
 
+// Nobody does jobs here: there are files alone, or the server has no folder for jobs. What to start is the same.
+function absenceOf(error: unknown): Refused | null {
+  if (!(error instanceof Refused)) return null;
+  const { status, code, detail } = error.problem;
+  if (code === "jobs_disabled") return new Refused(noServer(detail));
+  return status === 0 ? error : null;
+}
+
 addEventListener("hashchange", show);
 
 try {
-  await feed.filter("");
-  feed.connect();
+  await feed.more();
 } catch (error) {
-  const hasAnswer = error instanceof Refused && error.problem.status > 0;
-  element("rail", HTMLElement).hidden = !hasAnswer;
-  connection.textContent = "";
-  document.body.classList.add("has-detail");
-  detail.replaceChildren(refusal(error));
+  absence = absenceOf(error);
+  if (!absence) rail.refuse(error);
 }
-if (!element("rail", HTMLElement).hidden) show();
+element("rail", HTMLElement).hidden = absence !== null;
+if (!absence) feed.connect();
+show();

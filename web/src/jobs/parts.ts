@@ -1,22 +1,47 @@
 // What several views show of jobs and models.
 
 import { h } from "../common/dom";
-import { table } from "../common/parts";
+import { refusal, table } from "../common/parts";
 import { duration, label, number, percent } from "../common/numbers";
 import { outOf } from "../common/strings";
-import { EVALUATION, PROGRESS } from "./strings";
+import { EVALUATION, FAILURES, PHASES, PROGRESS, STATUSES } from "./strings";
 import type { Evaluation, Job } from "./types";
 
 export function chip(status: string): HTMLElement {
-  return h("span", { class: `chip is-${status}` }, status);
+  const made = h("span");
+  showStatus(made, status);
+  return made;
 }
 
-// "training: 1,200 of 3,000 steps, 72 a second, 25 s left".
+export function showStatus(chip: HTMLElement, status: string): void {
+  chip.textContent = STATUSES[status] ?? status;
+  chip.className = `chip is-${status}`;
+}
+
+// Tells what the buttons in a place were refused: behind the table that they stand in, or behind themselves.
+export function tellRefusals(place: HTMLElement): void {
+  let card: HTMLElement | null = null;
+  place.addEventListener("click", ({ target }) => (target as Element).closest("button") && card?.remove());
+  place.addEventListener("refused", (event) => {
+    const button = event.target as Element;
+    card = refusal((event as CustomEvent<unknown>).detail);
+    (button.closest(".scroll") ?? button).after(card);
+    event.preventDefault();
+  });
+}
+
+// What a job is at; a phase that this page does not know in the words of its program.
+export function phaseInWords({ phase }: Job): string {
+  return PHASES[phase ?? ""] ?? (phase ?? "").replaceAll("_", " ");
+}
+
+// "Training: 1,200 of 3,000 steps, 72 a second, 25 s left".
 export function progressInWords(job: Job): string {
-  const { progress, phase } = job;
-  const name = (phase ?? "").replaceAll("_", " ");
+  const { progress } = job;
+  const name = phaseInWords(job);
   if (!progress) return name;
-  const done = `${outOf(progress.completed.toLocaleString("en"), progress.total.toLocaleString("en"))} ${progress.unit}`;
+  const unit = progress.unit === "things" ? "" : ` ${progress.unit}`;
+  const done = outOf(progress.completed.toLocaleString("en"), progress.total.toLocaleString("en")) + unit;
   const rate = progress.rate_per_second && PROGRESS.rate(number(progress.rate_per_second));
   const left = job.status === "running" && progress.eta_seconds !== null && PROGRESS.left(duration(progress.eta_seconds));
   return `${name}: ${[done, rate, left].filter(Boolean).join(", ")}`;
@@ -31,7 +56,7 @@ export function evaluations(reports: Evaluation[]): HTMLElement {
     outOf(report.lifted, report.attempts),
     `${percent(report.wilson95[0])} – ${percent(report.wilson95[1])}`,
     Object.entries(report.failures)
-      .map(([reason, count]) => `${count} ${reason.replaceAll("_", " ")}`)
+      .map(([reason, count]) => `${count} ${FAILURES[reason] ?? reason.replaceAll("_", " ")}`)
       .join(", "),
     String(report.seed),
   ]);

@@ -1,6 +1,7 @@
 // The list of jobs: as many rows as were fetched, more when the end comes into sight.
 
-import { element, h } from "../common/dom";
+import { button, element, h } from "../common/dom";
+import { refusal } from "../common/parts";
 import type { Feed } from "./feed";
 import { Row } from "./row";
 import { KINDS, LIST } from "./strings";
@@ -13,6 +14,7 @@ export class Rail {
   readonly #compare: (ids: string[]) => void;
   readonly #marked = new Set<string>();
   #chosen: string | null = null;
+  #isRefused = false;
 
   constructor(feed: Feed, compare: (ids: string[]) => void) {
     this.#feed = feed;
@@ -24,15 +26,31 @@ export class Rail {
     const filter = () => {
       this.#rows.clear();
       this.#list.replaceChildren();
-      const query = (status.value && `&status=${status.value}`) + (kind.value && `&kind=${kind.value}`);
-      void feed.filter(query);
+      feed.filter({ status: status.value, kind: kind.value });
+      void this.#more();
     };
     status.addEventListener("change", filter);
     kind.addEventListener("change", filter);
     new IntersectionObserver((entries) => {
       const isSeen = entries.some((entry) => entry.isIntersecting);
-      if (isSeen && this.#rows.size > 0) void feed.more();
+      if (isSeen && this.#rows.size > 0) void this.#more();
     }).observe(this.#end);
+  }
+
+  // Says at the end of the list why it does not go on, until that is tried again.
+  refuse(error: unknown): void {
+    this.#isRefused = true;
+    this.#end.replaceChildren(refusal(error), button(LIST.tryAgain, () => this.#more()));
+  }
+
+  async #more(): Promise<void> {
+    this.#isRefused = false;
+    this.#tellEnd();
+    try {
+      await this.#feed.more();
+    } catch (error) {
+      this.refuse(error);
+    }
   }
 
   choose(id: string | null): void {
@@ -50,7 +68,8 @@ export class Rail {
 
   #update(changed: Set<string>): void {
     for (const id of changed) {
-      const job = this.#feed.jobs.get(id);
+      const known = this.#feed.jobs.get(id);
+      const job = known && this.#feed.isListed(known) ? known : null;
       const row = this.#rows.get(id);
       if (job && row) {
         row.update(job);
@@ -65,8 +84,12 @@ export class Rail {
         this.#rows.delete(id);
       }
     }
-    const isEmpty = this.#rows.size === 0;
-    this.#end.textContent = isEmpty ? LIST.none : this.#feed.hasMore ? LIST.more : "";
+    this.#tellEnd();
+  }
+
+  #tellEnd(): void {
+    if (this.#isRefused) return;
+    this.#end.textContent = this.#feed.hasMore ? LIST.more : this.#rows.size === 0 ? LIST.none : "";
   }
 
   // Ids sort by time, and the newest stands first. Most that come are older than all, or newer.

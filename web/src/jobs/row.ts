@@ -2,6 +2,7 @@
 
 import { h } from "../common/dom";
 import { duration, when } from "../common/numbers";
+import { phaseInWords, showStatus } from "./parts";
 import { KINDS, LIST, PROGRESS } from "./strings";
 import { ENDED, type Job, title } from "./types";
 
@@ -31,9 +32,8 @@ export class Row {
   update(job: Job): void {
     this.#name.textContent = title(job);
     this.#mark.setAttribute("aria-label", LIST.compare(title(job)));
-    this.#chip.textContent = job.status;
-    this.#chip.className = `chip is-${job.status}`;
-    this.#about.textContent = job.name ? (KINDS[job.kind] ?? job.kind) : (job.phase ?? "").replaceAll("_", " ");
+    showStatus(this.#chip, job.status);
+    this.#about.textContent = job.name ? (KINDS[job.kind] ?? job.kind) : phaseInWords(job);
     this.#note.textContent = note(job);
     this.#bar.hidden = ENDED.includes(job.status) || !job.progress;
     if (job.progress) this.#bar.value = job.progress.fraction;

@@ -8,13 +8,53 @@ export const KINDS: Record<string, string> = {
   "mesh.prepare": "Look at a mesh",
 };
 
+export const STATUSES: Record<string, string> = {
+  queued: "waiting",
+  running: "running",
+  paused: "paused",
+  cancelling: "stopping",
+  succeeded: "done",
+  failed: "failed",
+  cancelled: "stopped",
+};
+
+// What a job is at, by the names of its program.
+export const PHASES: Record<string, string> = {
+  grasps: "Searching grasps",
+  "hundreds of clouds": "Taking clouds, a hundred at a time",
+  "object poses": "Demonstrating, pose by pose",
+  "files of rows": "Writing files",
+  training: "Training",
+  policy: "Attempts by the policy",
+  planner: "Attempts by the planner",
+  "no policy": "Attempts by a script, without a policy",
+  "shuffled z": "Attempts that are told of another pose",
+  "zero z": "Attempts that are told nothing of the object",
+  "policy, friction 0": "Attempts by the policy without friction",
+  "planner, friction 0": "Attempts by the planner without friction",
+};
+
+// Why an attempt failed.
+export const FAILURES: Record<string, string> = {
+  unseen: "not seen",
+  unreachable: "out of reach",
+  collided: "collided on the way",
+  missed: "missed",
+  pushed_away: "pushed away",
+  slipped: "slipped",
+  low: "too low",
+  dropped: "dropped",
+  not_finite: "left the finite numbers",
+};
+
 // The bar at the top, and the list.
 export const CONNECTION = { connecting: "connecting", live: "live", lost: "connection lost, trying again" } as const;
 
 export const LIST = {
   choose: "Choose a job, or begin a new one.",
-  none: "No jobs yet.",
+  none: "No jobs here yet.",
   more: "Fetching more…",
+  tryAgain: "Try again",
   compare: (title: string) => `Compare ${title}`,
 } as const;
 
@@ -54,6 +94,7 @@ export const JOB = {
   delete: "Delete",
   deleted: "This job will be deleted; what it made stays. ",
   undo: "Undo",
+  kept: "This job is not deleted.",
   waits: "It waits for its turn.",
   waitsAgain: "It waits to go on.",
   stopping: "It is stopping.",
@@ -119,7 +160,6 @@ export const FORM = {
   forPeople: "for people",
   changed: (title: string) => `${title}, changed`,
   begin: "Begin",
-  copied: "Copied.",
   about: (duration: string) => `about ${duration}`,
   disk: (size: string) => `${size} of disk`,
   takes: (parts: string[]) => `It takes ${parts.join(" and ")}.`,
@@ -136,6 +176,9 @@ export const PARAMETERS: Record<string, string> = {
   density_kg_m3: "Density (kg/m³)",
 };
 
+// A list that comes in pages.
+export const PAGES = { more: "More" } as const;
+
 // What jobs made and people brought.
 export const DATASETS = {
   title: "Datasets",
@@ -150,12 +193,13 @@ export const DATASET = {
   objectsHead: ["Object", "Kept", "Poses with enough", "The others"],
   episodes: "Demonstrations",
   episodesHead: ["Number", "Object", "Pose", "x, y, turn", "", "File"],
-  more: "More",
+  noEpisodes: "None was kept.",
 } as const;
 
 export const MODELS = {
   title: "Models",
   head: ["Model", "Kind", "Step", "Made", ""],
+  none: "None yet. A job makes one.",
   builtIn: "came with the program",
 } as const;
 

@@ -2,7 +2,7 @@
 
 import { element } from "../../common/dom";
 import { percent } from "../../common/numbers";
-import type { Frame, Model, Phase, Tally, Verdict } from "../protocol";
+import type { Frame, Model, Phase, Played, Tally, Verdict } from "../protocol";
 import { ATTEMPT, TALLY } from "../strings";
 
 export interface AttemptEvents {
@@ -21,8 +21,7 @@ export class AttemptPanel {
   readonly #hash = element("hash", HTMLElement);
   #verdict: Verdict | null = null;
   #phase: Phase | null = null;
-  // Which demonstration is played, if one is.
-  #played: string | null = null;
+  #played: Played | null = null;
   // The seed that the pose on the table was drawn from.
   #poseSeed = 0;
   #hasObject = false;
@@ -49,11 +48,12 @@ export class AttemptPanel {
   }
 
   // Nothing can be tried until there is an object and somebody who acts.
-  stop(): void {
+  stop(headline: string): void {
     this.#hasObject = false;
-    this.#actor = null;
+    // Whatever phase comes next is told anew.
+    [this.#actor, this.#phase] = [null, null];
     this.#enable();
-    this.#headline.textContent = ATTEMPT.stopped;
+    this.#headline.textContent = headline;
   }
 
   // It is known who acts.
@@ -109,14 +109,14 @@ export class AttemptPanel {
   }
 
   showFrame({ phase, played }: Frame): void {
-    if (phase === this.#phase && played === this.#played) return;
-    if (this.#played !== null && played === null) this.#hash.hidden = true;
+    if (phase === this.#phase && played?.what === this.#played?.what) return;
+    if (this.#played && !played) this.#hash.hidden = true;
     [this.#phase, this.#played] = [phase, played];
     if (phase !== "verdict") {
       this.#verdict = null;
-      const closes = played === null ? ATTEMPT.closes(this.#actor ?? "policy") : ATTEMPT.demonstrates;
+      const closes = played?.closes ?? ATTEMPT.closes(this.#actor ?? "policy");
       this.#headline.textContent = phase === "policy" ? closes : ATTEMPT.phases[phase];
-      if (played !== null) this.#note(ATTEMPT.noPolicy(played));
+      if (played) this.#note(ATTEMPT.noPolicy(played.what));
     }
     this.#showPhases();
   }
@@ -125,7 +125,7 @@ export class AttemptPanel {
     this.#verdict = verdict;
     this.#headline.textContent = verdict.words;
     this.#announcement.textContent = `${verdict.words} ${TALLY.lifted(verdict.tally)}.`;
-    const what = verdict.played === null ? ATTEMPT.seed(verdict.seed) + byHand(verdict) : ATTEMPT.demonstration(verdict.played);
+    const what = verdict.played?.what ?? ATTEMPT.seed(verdict.seed) + byHand(verdict);
     this.#note(verdict.pulled ? ATTEMPT.pulled : ATTEMPT.ended(what, verdict.hash.slice(0, 16)));
     this.#hash.title = verdict.hash;
     showTally(verdict.tally);

@@ -1,6 +1,7 @@
 // Cards that say what failed and what to do. They stay until closed, and can be copied.
 
 import { element } from "../../common/dom";
+import { isEnd } from "../engine";
 import type { Failure } from "../protocol";
 import { FAILURES } from "../strings";
 
@@ -27,7 +28,8 @@ export class Failures {
     this.#list.querySelector(`[data-code="${CSS.escape(code)}"]`)?.remove();
   }
 
-  #card({ code, cause, cure }: Failure): Element {
+  #card(failure: Failure): Element {
+    const { code, cause, cure } = failure;
     const card = (this.#template.content.cloneNode(true) as DocumentFragment).firstElementChild;
     if (!(card instanceof HTMLElement)) throw new Error("the template holds no card");
     card.dataset["code"] = code;
@@ -43,7 +45,7 @@ export class Failures {
         () => getSelection()?.selectAllChildren(card),
       );
     });
-    if (code.startsWith("engine_")) {
+    if (isEnd(failure)) {
       part(".again").hidden = false;
       part(".again").addEventListener("click", () => {
         card.remove();

@@ -23,9 +23,11 @@ export class InsidePanel {
   readonly #joints: Joint[] = [];
   readonly #plots = new Map<keyof Terms, { line: SVGPolylineElement; value: HTMLElement }>();
   #course: (Terms | null)[] = [];
+  readonly #send: (message: ToWorker) => void;
 
   constructor(send: (message: ToWorker) => void) {
-    this.#box.addEventListener("toggle", () => send({ kind: "watch", on: this.#box.open }));
+    this.#send = send;
+    this.#box.addEventListener("toggle", () => this.ask());
     const plots = element("plots", HTMLElement);
     for (const key of PLOTS) {
       const { name, unit } = INSIDE.plots[key];
@@ -41,8 +43,9 @@ export class InsidePanel {
     }
   }
 
-  get isOpen(): boolean {
-    return this.#box.open;
+  // Says whether the terms are wanted.
+  ask(): void {
+    this.#send({ kind: "watch", on: this.#box.open });
   }
 
   limit(joints: Joint[]): void {
@@ -61,7 +64,9 @@ export class InsidePanel {
   #bar({ name, lower, upper }: Joint): HTMLElement {
     const mark = h("i");
     this.#marks.push(mark);
-    return h("div", { class: "joint", title: INSIDE.limits(name, lower.toFixed(2), upper.toFixed(2)) }, mark);
+    const range = { "aria-valuemin": lower.toFixed(2), "aria-valuemax": upper.toFixed(2), "aria-valuenow": lower.toFixed(2) };
+    // A finger that taps it focuses it, which shows its text.
+    return h("div", { class: "joint", role: "meter", tabindex: -1, "aria-label": name, ...range }, mark);
   }
 
   show({ joints, terms, tick, ticks }: Frame): void {
@@ -72,6 +77,9 @@ export class InsidePanel {
       const mark = this.#marks[i]!;
       mark.style.left = `${100 * Math.min(1, Math.max(0, share))}%`;
       mark.classList.toggle("is-near", share < NEAR || share > 1 - NEAR);
+      const bar = mark.parentElement!;
+      const text = INSIDE.stands(q.toFixed(2), lower.toFixed(2), upper.toFixed(2));
+      if (bar.ariaValueText !== text) [bar.ariaValueNow, bar.ariaValueText] = [q.toFixed(2), text];
     });
     if (ticks + 1 < this.#course.length) this.#course.length = 0;
     this.#course[tick] = terms;

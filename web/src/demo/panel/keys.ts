@@ -1,4 +1,4 @@
-// Keys for what the buttons do. A field that is being typed in keeps its keys, a button its Space.
+// Keys for what the buttons do. A field that is being typed in keeps its keys, what is pressed with Space its Space.
 
 export function onKeys(actions: Record<string, () => void>, other: (key: string) => boolean): void {
   addEventListener("keydown", (event) => {
@@ -16,6 +16,6 @@ export function onKeys(actions: Record<string, () => void>, other: (key: string)
 function isTaken({ target, key }: KeyboardEvent): boolean {
   if (!(target instanceof HTMLElement) || target.closest("dialog")) return true;
   if (target.closest("input[type=number], select")) return true;
-  const isControl = target.closest("button, input") !== null;
+  const isControl = target.closest("button, input, summary") !== null;
   return isControl && (key === " " || key.startsWith("Arrow"));
 }

@@ -3,6 +3,7 @@
 import { element, h } from "../../common/dom";
 import { dropped, readable } from "../files";
 import type { ObjectLoaded, Ready, Shape } from "../protocol";
+import { MOST } from "../zip";
 import { thumbnail } from "./thumbnail";
 
 export interface ObjectEvents {
@@ -10,6 +11,8 @@ export interface ObjectEvents {
   upload(file: File): void;
   // Nothing could be read, and why.
   refused(cause: string): void;
+  // More were brought than so many, which were taken.
+  cut(most: number): void;
 }
 
 export class ObjectPicker {
@@ -91,6 +94,8 @@ export class ObjectPicker {
       this.#events.refused(error instanceof Error ? error.message : String(error));
       return;
     }
+    if (files.length > MOST) this.#events.cut(MOST);
+    files = files.slice(0, MOST);
     // A demonstration brings its own object.
     for (const file of files) if (!file.name.endsWith(".json")) this.add(file);
     const [first] = files;

@@ -17,14 +17,8 @@ export class ReportCard {
   readonly #grams = element("mass", HTMLInputElement);
   readonly #sides = element("sides", HTMLSelectElement);
   readonly #press: (unit: string | null) => void;
-  // What was said of this file so far.
-  #told: Told = nothing();
 
-  constructor(changed: (told: Told) => void) {
-    const change = (part: Partial<Told>) => {
-      this.#told = { ...this.#told, ...part };
-      changed(this.#told);
-    };
+  constructor(change: (part: Partial<Told>) => void) {
     // In another unit it has another mass, and the guess is made anew.
     this.#press = choice("unit-choice", (value) => change({ unit: value as Unit, massKg: null }));
     this.#grams.addEventListener("change", () => {
@@ -35,17 +29,6 @@ export class ReportCard {
       const side = Number(this.#sides.value);
       change({ stands: side < 0 ? "asInFile" : { on: side } });
     });
-  }
-
-  // Another file, of which this has been said.
-  begin(told: Told = nothing()): Told {
-    this.#told = told;
-    return told;
-  }
-
-  // What was said of the file.
-  get told(): Told {
-    return this.#told;
   }
 
   // What the encoder makes of it is known once it was looked at, where one was asked.
@@ -75,10 +58,6 @@ export class ReportCard {
     this.#sides.replaceChildren(...names.map((name, i) => h("option", { value: i - 1 }, name)));
     this.#sides.value = String(sideOf(stands));
   }
-}
-
-function nothing(): Told {
-  return { unit: null, massKg: null, stands: null };
 }
 
 function sideOf(stands: Stands | null): number {

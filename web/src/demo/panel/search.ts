@@ -1,8 +1,8 @@
 // Without learning: grasps of the object searched in physics, in a worker of its own, and the best one played.
 
 import { element } from "../../common/dom";
-import { Engine } from "../engine";
-import type { FromWorker, ToWorker } from "../protocol";
+import { Engine, givenUp } from "../engine";
+import type { Failure, FromWorker, ToWorker } from "../protocol";
 import { SEARCH } from "../strings";
 
 export interface SearchEvents {
@@ -11,7 +11,7 @@ export interface SearchEvents {
   seed(): number;
   // Plays these grasps.
   follow(grasps: string): void;
-  tell(failure: Extract<FromWorker, { kind: "failure" }>): void;
+  tell(failure: Failure): void;
 }
 
 export class SearchPanel {
@@ -69,7 +69,7 @@ export class SearchPanel {
       if (this.#grasps) this.#events.follow(this.#grasps);
     } else if (message.kind === "failure") {
       this.#stop(SEARCH.hint);
-      this.#events.tell(message);
+      this.#events.tell(givenUp(message, SEARCH.givenUp));
     }
   }
 }

@@ -2,6 +2,7 @@
 
 import { ask, Refused } from "../../common/api";
 import { element } from "../../common/dom";
+import { FILM } from "../film";
 import type { Frame, Model, ObjectLoaded, Ready, Told, Verdict } from "../protocol";
 import { save } from "../save";
 import { linkOf, type Shared } from "../share";
@@ -41,7 +42,7 @@ export class SharePanel {
     this.#link.addEventListener("click", () => void this.copy());
     element("save-png", HTMLButtonElement).addEventListener("click", () => void this.#savePicture());
     this.#film.addEventListener("click", () => this.#record());
-    this.#film.hidden = !("MediaRecorder" in window);
+    this.#film.hidden = !FILM;
     this.#episode.addEventListener("click", () => events.episode());
     this.#store.addEventListener("click", () => void this.#keep());
   }
@@ -51,33 +52,40 @@ export class SharePanel {
   }
 
   hasObject(object: ObjectLoaded): void {
-    [this.#object, this.#verdict, this.#mesh] = [object, null, null];
-    this.#enable();
+    [this.#object, this.#mesh] = [object, null];
+    // The file that was asked about, or is being sent, is another one's.
+    this.#store.hidden = true;
+    this.#sending?.abort();
+    this.#judge(null);
   }
 
   hasModel(model: Model): void {
-    [this.#model, this.#verdict] = [model, null];
-    this.#enable();
+    this.#model = model;
+    // What is played goes on, whoever comes to act.
+    if (!this.#verdict?.played) this.#judge(null);
   }
 
   show(frame: Frame): void {
     this.#frame = frame;
-    // Another attempt has begun.
-    if (this.#verdict && frame.ticks === 0) [this.#verdict, this.#hint.textContent] = [null, SHARE.hint];
-    this.#enable();
+    // Another attempt has begun; one that fails at once has its verdict then.
+    if (this.#verdict && frame.ticks === 0 && frame.phase !== "verdict") this.#judge(null);
   }
 
   showVerdict(verdict: Verdict): void {
-    this.#verdict = verdict;
-    this.#enable();
+    this.#judge(verdict);
   }
 
-  #enable(): void {
-    // A demonstration is a file of its own, and what the planner does depends on more than a link can say.
-    // Nor can it say how somebody pulled.
-    const isOwn = this.#verdict !== null && this.#verdict.played === null && !this.#verdict.pulled;
-    this.#link.disabled = !isOwn || this.#model?.id == null;
-    this.#episode.disabled = !this.#verdict || this.#verdict.pulled;
+  // What the attempt came to, if it is over.
+  #judge(verdict: Verdict | null): void {
+    this.#verdict = verdict;
+    // What is played is a file or a search of its own, and what the planner does depends on more than a link can say.
+    const isOwn = verdict !== null && !verdict.played && this.#model?.id != null;
+    const why = verdict?.pulled ? SHARE.pulled : verdict && !isOwn ? SHARE.noPolicy : null;
+    this.#link.disabled = !isOwn || verdict.pulled;
+    this.#episode.disabled = !verdict || verdict.pulled;
+    // What is said again is not read out again.
+    const hint = why ?? SHARE.hint;
+    if (this.#hint.textContent !== hint) this.#hint.textContent = hint;
   }
 
   async copy(): Promise<void> {
@@ -146,12 +154,13 @@ export class SharePanel {
       return;
     }
     const parts: Blob[] = [];
-    const recorder = new MediaRecorder(this.#events.canvas().captureStream(30), { mimeType: "video/webm" });
+    const type = `video/${FILM}`;
+    const recorder = new MediaRecorder(this.#events.canvas().captureStream(30), { mimeType: type });
     recorder.ondataavailable = ({ data }) => parts.push(data);
     recorder.onstop = () => {
       this.#recorder = null;
       this.#film.textContent = SHARE.film;
-      save("ngf-grasp.webm", new Blob(parts, { type: "video/webm" }));
+      save(`ngf-grasp.${FILM}`, new Blob(parts, { type }));
     };
     recorder.start();
     this.#recorder = recorder;

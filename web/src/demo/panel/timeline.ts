@@ -19,12 +19,17 @@ export class Timeline {
     this.#slider.addEventListener("input", () => this.seek(this.#slider.valueAsNumber));
     this.#slider.addEventListener("pointerdown", () => (this.#isHeld = true));
     addEventListener("pointerup", () => (this.#isHeld = false));
-    this.#phases.forEach((button, i) => {
+    for (const button of this.#phases) {
       button.addEventListener("click", () => {
-        const tick = this.#frame?.marks[i];
+        const tick = this.#begin(button);
         if (tick !== undefined) this.seek(tick);
       });
-    });
+    }
+  }
+
+  // The tick at which a button's phase began, if there was one.
+  #begin(button: HTMLElement): number | undefined {
+    return this.#frame?.marks.find(([phase]) => phase === button.parentElement?.dataset["phase"])?.[1];
   }
 
   seek(tick: number): void {
@@ -38,13 +43,13 @@ export class Timeline {
 
   show(frame: Frame): void {
     this.#frame = frame;
-    const { tick, ticks, marks } = frame;
+    const { tick, ticks } = frame;
     this.#slider.disabled = ticks === 0;
     this.#slider.max = String(Math.max(1, ticks));
     if (!this.#isHeld) this.#slider.value = String(tick);
     this.#slider.setAttribute("aria-valuetext", PLAYBACK.moment((tick * TICK).toFixed(2), (ticks * TICK).toFixed(2)));
     element("clock", HTMLElement).textContent = ticks > 0 ? `${(tick * TICK).toFixed(1)} s` : "";
-    this.#phases.forEach((button, i) => (button.disabled = marks[i] === undefined));
+    for (const button of this.#phases) button.disabled = this.#begin(button) === undefined;
   }
 }
 
