@@ -352,14 +352,15 @@ mod tests {
 
     #[test]
     fn a_checkpoint_belongs_to_its_lessons_and_to_what_was_begun_with() {
-        let of = |change: &dyn Fn(&mut Vec<Lesson>), begin: Option<&[u8]>| {
+        type Change = dyn Fn(&mut Vec<Lesson>);
+        let of = |change: &Change, begin: Option<&[u8]>| {
             let mut lessons = vec![lesson(0, 0.0), lesson(1, 0.7)];
             change(&mut lessons);
             settings(&tiny(), &lessons, begin).unwrap()
         };
         let own = of(&|_| (), None);
         assert_eq!(own, of(&|_| (), None));
-        let others: [&dyn Fn(&mut Vec<Lesson>); 4] = [
+        let others: [&Change; 4] = [
             // Another encoder, another dataset, fewer poses, other neighbours.
             &|lessons| lessons[1].encodings[1].z[3] += 0.1,
             &|lessons| lessons[0].demonstrations = lesson(2, 0.0).demonstrations,
