@@ -94,6 +94,9 @@ test("keys do what the buttons do", async () => {
   const before = await page.inputValue("#pose-x");
   await page.keyboard.press("ArrowUp");
   await page.waitForFunction((x) => document.getElementById("pose-x").value !== x, before);
+  const turned = await page.inputValue("#pose-yaw");
+  await page.keyboard.press("r");
+  await page.waitForFunction((yaw) => document.getElementById("pose-yaw").value !== yaw, turned);
   await page.keyboard.press(" ");
   await page.waitForFunction(() => document.getElementById("rate").textContent === "Paused");
   await page.keyboard.press("h");

@@ -159,13 +159,13 @@ element("help-open", HTMLButtonElement).addEventListener("click", () => help.sho
 onKeys(
   {
     g: () => attempt.grasp(),
-    n: () => attempt.newPose(),
+    r: () => attempt.newPose(),
     " ": () => playback.toggle(),
     ",": () => playback.back(),
     ".": () => playback.step(),
     l: () => void share.copy(),
     i: () => element("inside", HTMLDetailsElement).querySelector("summary")?.click(),
-    r: () => playback.reset(),
+    Backspace: () => playback.reset(),
     c: () => layers.cloud.click(),
     m: () => layers.reconstruction.click(),
     h: () => layers.hulls.click(),
