@@ -98,18 +98,10 @@ fn written(x: f32) -> f64 {
 
 impl EncoderParams {
     pub(super) fn resolved(self) -> Result<Self, Invalid> {
-        let preset = self.course.preset.clone();
-        let standard = AutoencoderConfig::preset(&preset).ok_or_else(no_preset)?;
-        let standard = Course {
-            preset,
-            steps: Some(standard.steps),
-            batch: Some(standard.batch),
-            rate: Some(written(standard.rate)),
-            checkpoint: Some(standard.span),
-            threads: standard.shards,
-            seed: 0,
-        };
-        Ok(Self { course: self.course.resolved(&standard)?, ..self })
+        let standard = AutoencoderConfig::preset(&self.course.preset).ok_or_else(no_preset)?;
+        let AutoencoderConfig { steps, batch, rate, span, shards, .. } = standard;
+        let course = self.course.resolved(steps, batch, rate, span, shards)?;
+        Ok(Self { course, ..self })
     }
 }
 
@@ -118,30 +110,29 @@ impl PolicyParams {
         let Some(policy) = PolicyConfig::named(&self.policy) else {
             return Err(invalid("policy", format!("it must be one of {}", POLICIES.join(", "))));
         };
-        let preset = self.course.preset.clone();
-        let standard = DaggerConfig::preset(&preset, policy).ok_or_else(no_preset)?;
+        let standard = DaggerConfig::preset(&self.course.preset, policy).ok_or_else(no_preset)?;
         let horizon = at_most("horizon", self.horizon.unwrap_or(standard.horizon), 1, 1000)?;
-        let standard = Course {
-            preset,
-            steps: Some(standard.steps),
-            batch: Some(standard.batch),
-            rate: Some(written(standard.rate)),
-            checkpoint: Some(standard.span),
-            threads: standard.shards,
-            seed: 0,
-        };
-        let course = self.course.resolved(&standard)?;
+        let DaggerConfig { steps, batch, rate, span, shards, .. } = standard;
+        let course = self.course.resolved(steps, batch, rate, span, shards)?;
         Ok(Self { course, horizon: Some(horizon), ..self })
     }
 }
 
 impl Course {
-    pub(super) fn resolved(self, standard: &Self) -> Result<Self, Invalid> {
-        let steps = self.steps.or(standard.steps).unwrap_or_default();
-        let batch = self.batch.or(standard.batch).unwrap_or_default();
-        let rate = self.rate.or(standard.rate).unwrap_or_default();
-        let checkpoint = self.checkpoint.or(standard.checkpoint).unwrap_or_default();
-        let threads = if self.threads == 0 { standard.threads } else { self.threads };
+    /// What is left open is as here.
+    fn resolved(
+        self,
+        steps: u64,
+        batch: usize,
+        rate: f32,
+        span: u64,
+        shards: usize,
+    ) -> Result<Self, Invalid> {
+        let steps = self.steps.unwrap_or(steps);
+        let batch = self.batch.unwrap_or(batch);
+        let rate = self.rate.unwrap_or(written(rate));
+        let checkpoint = self.checkpoint.unwrap_or(span);
+        let threads = if self.threads == 0 { shards } else { self.threads };
         if !(rate.is_finite() && rate > 0.0 && rate < 1.0) {
             return Err(invalid("rate", "it must be a positive number below 1"));
         }

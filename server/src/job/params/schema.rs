@@ -15,6 +15,7 @@ pub(super) fn presets() -> Schema {
         .into()
 }
 
+/// The same names, of how long something is trained.
 pub(super) fn courses() -> Schema {
     let text = "Name of its sizes, as of a dataset's: where they are not given, steps, batch, rate and checkpoint are its.";
     one_of(PRESETS.map(|(name, _)| name))
@@ -22,6 +23,8 @@ pub(super) fn courses() -> Schema {
         .description(Some(text))
         .into()
 }
+
+/// The policies that are compared.
 pub(super) fn policies() -> Schema {
     let text = "Which of the policies that are compared.";
     one_of(POLICIES).default(Some(first_policy().into())).description(Some(text)).into()
