@@ -11,7 +11,7 @@ pub struct Entry {
     pub name: &'static str,
     /// Family: the folder of the file.
     pub family: &'static str,
-    /// Its text.
+    /// Its text, as JSON.
     text: &'static str,
 }
 
@@ -44,7 +44,7 @@ macro_rules! catalog {
         &[$($(Entry {
             name: $name,
             family: $family,
-            text: include_str!(concat!("../../../assets/objects/", $family, "/", $name, ".toml")),
+            text: include_str!(concat!(env!("OUT_DIR"), "/", $family, "/", $name, ".json")),
         }),*),*]
     };
 }

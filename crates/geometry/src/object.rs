@@ -71,9 +71,9 @@ impl PlacedLoft {
 }
 
 impl ObjectFile {
-    /// Reads an object file (TOML); the message says what is wrong with it.
+    /// Reads an object file, which `build.rs` made JSON of; the message says what is wrong with it.
     pub fn parse(text: &str) -> Result<Self, String> {
-        let mut file: Self = toml::from_str(text).map_err(|error| error.to_string())?;
+        let mut file: Self = serde_json::from_str(text).map_err(|error| error.to_string())?;
         if file.sections.is_some() != file.lofts.is_empty() {
             return Err("an object has either sections or lofts".into());
         }
@@ -185,13 +185,14 @@ mod tests {
 
     #[test]
     fn bad_object_files_say_why() {
-        let good = include_str!("../../../assets/objects/ycb/sugar_box.toml");
+        let good = include_str!(concat!(env!("OUT_DIR"), "/ycb/sugar_box.json"));
+        assert!(ObjectFile::parse(good).is_ok());
         let with = |from: &str, to: &str| ObjectFile::parse(&good.replace(from, to)).unwrap_err();
-        assert!(with("mass =", "weight =").contains("weight"));
-        assert!(with("mass = 0", "mass = -0").contains("mass"));
-        let loft = "[[loft]]\nat = [0, 0, 0]\nturn_deg = [0, 0, 0]\nsections = []\n";
-        let both = ObjectFile::parse(&format!("{good}{loft}")).unwrap_err();
+        assert!(with("\"mass\":", "\"weight\":").contains("weight"));
+        assert!(with("\"mass\":0", "\"mass\":-0").contains("mass"));
+        let loft = r#""loft": [{"at": [0, 0, 0], "turn_deg": [0, 0, 0], "sections": []}], "mass":"#;
+        let both = with("\"mass\":", loft);
         assert!(both.contains("either sections or lofts"), "{both}");
-        assert!(ObjectFile::parse("name = 3").is_err());
+        assert!(ObjectFile::parse(r#"{"name": 3}"#).is_err());
     }
 }

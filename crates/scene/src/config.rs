@@ -8,7 +8,7 @@ use robot::{ARM, HAND};
 pub enum SceneError {
     /// The scene file does not parse.
     #[error("the scene file is not valid: {0}")]
-    Config(#[from] toml::de::Error),
+    Config(#[from] serde_json::Error),
     /// An object's collision parts span no volume.
     #[error(
         "part {part} of the collision shapes of {name} is flat or empty; give it a mesh with volume"
@@ -182,12 +182,12 @@ pub struct TargetBox {
 impl SceneConfig {
     /// The scene of this project, from `assets/scene/scene.toml`.
     pub fn standard() -> Result<Self, SceneError> {
-        Self::parse(STANDARD)
+        Self::parse(include_str!(concat!(env!("OUT_DIR"), "/scene.json")))
     }
 
-    /// Reads a scene file.
+    /// Reads a scene file, which `build.rs` made JSON of.
     pub fn parse(text: &str) -> Result<Self, SceneError> {
-        Ok(toml::from_str(text)?)
+        Ok(serde_json::from_str(text)?)
     }
 
     /// Joints at home, hand open.
@@ -216,12 +216,10 @@ impl SceneConfig {
 /// Seconds between two policy steps (paper: 30 Hz).
 pub const CONTROL_PERIOD: f64 = 1.0 / 30.0;
 
-const STANDARD: &str = include_str!("../../../assets/scene/scene.toml");
-
 /// BLAKE3 of the scene file and the robot description, hex: names the experiment.
 pub fn scene_hash() -> String {
     let mut hasher = blake3::Hasher::new();
-    hasher.update(STANDARD.as_bytes());
+    hasher.update(include_bytes!("../../../assets/scene/scene.toml"));
     hasher.update(include_bytes!("../../../assets/robot/iiwa7_allegro.urdf"));
     hasher.finalize().to_hex().to_string()
 }
@@ -239,7 +237,8 @@ mod tests {
     fn the_standard_scene_parses_and_a_typo_is_named() {
         let config = SceneConfig::standard().unwrap();
         assert_eq!(config.crop.num_points, 512);
-        let error = SceneConfig::parse(&STANDARD.replace("hfov_deg", "hfow_deg")).unwrap_err();
+        let standard = include_str!(concat!(env!("OUT_DIR"), "/scene.json"));
+        let error = SceneConfig::parse(&standard.replace("hfov_deg", "hfow_deg")).unwrap_err();
         assert!(error.to_string().contains("hfow_deg"), "{error}");
     }
 }
