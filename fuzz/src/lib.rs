@@ -6,7 +6,9 @@
 use axum::Router;
 use axum::body::Body;
 use axum::http::Request;
+use geometry::object::Object;
 use robot::Tree;
+use rollout::{Tape, Workcell};
 use server::AppState;
 use server::engine::{Engine, EngineConfig};
 use std::sync::OnceLock;
@@ -18,7 +20,8 @@ use tower::ServiceExt;
 pub type Target = (&'static str, fn(&[u8]));
 
 /// All targets.
-pub const TARGETS: [Target; 3] = [("mesh", mesh), ("weights", weights), ("job", job)];
+pub const TARGETS: [Target; 4] =
+    [("mesh", mesh), ("weights", weights), ("tape", tape), ("job", job)];
 
 /// A mesh file.
 pub fn mesh(bytes: &[u8]) {
@@ -40,6 +43,20 @@ pub fn weights(bytes: &[u8]) {
     let _ = policy::Starts::load(bytes, policy::LATENT, tree);
     let _ = policy::Model::load(bytes, bytes, CONFIG, tree);
     let _ = policy::Model::load(bytes, bytes, bytes, tree);
+}
+
+/// A file that plays, with the object that stands there.
+pub fn tape(bytes: &[u8]) {
+    static STAGE: OnceLock<(Workcell, Object)> = OnceLock::new();
+    let (workcell, object) = STAGE.get_or_init(|| {
+        let object = Object::built_in("sugar_box").expect("a built-in object");
+        (Workcell::new().expect("the scene"), object)
+    });
+    let Ok(tape) = Tape::read(bytes) else { return };
+    let Ok(mut attempt) = tape.begin(workcell, object) else { return };
+    for _ in 0..3 {
+        attempt.tick(workcell);
+    }
 }
 
 /// A request for a job: it is answered, and no answer is a failure of the server.

@@ -1,4 +1,4 @@
-// Kept demonstrations of a dataset, dropped onto the page and played there.
+// What plays: kept demonstrations of a dataset and recorded attempts, dropped onto the page.
 
 import assert from "node:assert/strict";
 import { execFileSync } from "node:child_process";
@@ -48,6 +48,52 @@ test("a kept demonstration is played, named as such, lifts, and does not count",
   await page.waitForFunction(() => document.getElementById("headline").textContent === "The policy closes the hand");
   assert.ok(await page.isHidden("#hash"), "nothing is said of a demonstration any more");
   assert.deepEqual(complaints, []);
+  await page.close();
+});
+
+test("a recorded attempt is played to the end that it had, and what differs is told", async () => {
+  const { page, complaints } = await visit(served);
+  await untilReady(page);
+  const file = join(folder, "attempt.json");
+  execFileSync(program, ["replay", file, "--record", "sugar_box", "--seed", "3"]);
+  const played = async (buffer) => {
+    await page.click("#objects label:has(input[value=mustard])");
+    await page.setInputFiles("#file", { name: "attempt.json", mimeType: "application/json", buffer });
+    await page.waitForFunction(
+      () => document.getElementById("headline").textContent === "A recorded attempt closes the hand",
+    );
+    await page.waitForSelector("[data-phase=verdict].is-now");
+    return page.textContent("#hash");
+  };
+  const recorded = JSON.parse(readFileSync(file));
+  const end = recorded.state_hash.slice(0, 16);
+  assert.equal(
+    await played(readFileSync(file)),
+    `Recorded attempt: Sugar box, seed 3 ended in state ${end}, as recorded`,
+  );
+  assert.equal(await page.textContent("#headline"), "Lifted and held.");
+  assert.equal(await page.textContent("#tally"), "None yet with this object");
+  await screenshot(page, "recorded-attempt");
+  const other = Buffer.from(JSON.stringify({ ...recorded, state_hash: "0".repeat(64) }));
+  assert.match(await played(other), /, and not in the one that was recorded: something differs here$/);
+  assert.deepEqual(complaints, []);
+  await page.close();
+});
+
+test("an attempt that was saved here plays here", async () => {
+  const { page } = await visit(served);
+  await untilReady(page);
+  await page.click("#grasp");
+  await page.waitForSelector("[data-phase=verdict].is-now");
+  const [words, end] = [await page.textContent("#headline"), await page.textContent("#hash")];
+  const [download] = await Promise.all([page.waitForEvent("download"), page.click("#save-json")]);
+  await page.setInputFiles("#file", await download.path().then((path) => {
+    const buffer = readFileSync(path);
+    return { name: download.suggestedFilename(), mimeType: "application/json", buffer };
+  }));
+  await page.waitForFunction(() => /^Recorded attempt: .*, as recorded$/.test(document.getElementById("hash").textContent));
+  assert.equal(await page.textContent("#headline"), words);
+  assert.equal(end.match(/[0-9a-f]{16}$/)[0], (await page.textContent("#hash")).match(/[0-9a-f]{16}/)[0]);
   await page.close();
 });
 

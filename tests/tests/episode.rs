@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "a helper of a test fails by panicking too")]
 
 use geometry::object::Object;
-use rollout::{Attempt, Controller, Demonstration, Episode, Failure, Verdict, Workcell};
+use rollout::{Attempt, Controller, Demonstration, Episode, Failure, Tape, Verdict, Workcell};
 use scene::Simulation;
 
 /// An attempt of the planner.
@@ -42,6 +42,11 @@ fn an_episode_replays_to_its_own_hash_and_is_refused_elsewhere() {
     assert!(message.contains("another scene") && message.contains(&read.scene), "{message}");
     let message = refusal(read.clone(), &object.clone().with_friction(0.5));
     assert!(message.contains("another object"), "{message}");
+    let unbounded = Episode { pose: [1e38, 0.0, 0.0], ..read.clone() };
+    assert!(refusal(unbounded, &object).contains("outside the workspace"));
+    let mut wild = read.clone();
+    wild.targets[7][30] = 1e308;
+    assert!(refusal(wild, &object).contains("row 7"));
     let mut short = read;
     short.targets[3].pop();
     let message = refusal(short, &object);
@@ -65,6 +70,44 @@ fn a_failed_attempt_replays_to_its_own_verdict() {
     assert_eq!(verdict, Some(Verdict::Failed { reason: Failure::Unreachable }));
     let replayed = attempt.episode().replay(&workcell, &object).unwrap();
     assert_eq!(replayed, (verdict, attempt.state_hash()));
+}
+
+#[test]
+fn a_recording_goes_through_the_phases_of_its_attempt() {
+    let (workcell, object, mut attempt) = begin(0.8);
+    let phases = |attempt: &mut Attempt| {
+        let mut phases = vec![(attempt.phase(), 0)];
+        while attempt.verdict().is_none() {
+            attempt.tick(&workcell);
+            if phases.last().is_some_and(|(phase, _)| *phase != attempt.phase()) {
+                phases.push((attempt.phase(), attempt.ticks()));
+            }
+        }
+        phases
+    };
+    let lived = phases(&mut attempt);
+    assert_eq!(lived.len(), 5, "{lived:?}");
+    let text = serde_json::to_vec(&attempt.episode()).unwrap();
+    let tape = Tape::read(&text).unwrap();
+    assert_eq!(tape, Tape::Episode(attempt.episode()));
+    let mut again = tape.begin(&workcell, &object).unwrap();
+    assert_eq!(phases(&mut again), lived);
+    assert_eq!(again.episode(), attempt.episode(), "a recording of a recording");
+    assert_eq!(again.motion(), attempt.motion());
+}
+
+#[test]
+fn what_failed_before_the_lift_fails_at_the_same_tick() {
+    // A recording without a lift stands for what collides on its way: only its verdict says so.
+    let (workcell, object, mut attempt) = begin(0.8);
+    for _ in 0..20 {
+        attempt.tick(&workcell);
+    }
+    let verdict = Verdict::Failed { reason: Failure::Collided };
+    let episode = Episode { verdict: Some(verdict), ..attempt.episode() };
+    let mut again = episode.begin(&workcell, &object).unwrap();
+    assert_eq!(again.run(&workcell), verdict);
+    assert_eq!((again.ticks(), again.state_hash()), (20, attempt.state_hash()));
 }
 
 #[test]

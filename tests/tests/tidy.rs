@@ -55,7 +55,7 @@ const MAY_USE: [(&str, &[&str]); 15] = [
         ],
     ),
     ("wasm", &["geometry", "robot", "fabrics", "scene", "grasps", "policy", "rollout"]),
-    ("fuzz", &["geometry", "robot", "policy", "server"]),
+    ("fuzz", &["geometry", "robot", "policy", "rollout", "server"]),
     ("xtask", &[]),
     ("wasm-test-runner", &[]),
 ];

@@ -23,7 +23,7 @@ pub(crate) enum ToWorker {
     Load {
         object: String,
     },
-    /// A mesh, or a demonstration (JSON).
+    /// A mesh, or a demonstration or a recorded attempt (JSON).
     Upload {
         file_name: String,
         #[serde(with = "serde_bytes")]
@@ -252,6 +252,8 @@ pub(crate) struct Played {
     pub(crate) what: String,
     /// Said while the hand closes.
     pub(crate) closes: &'static str,
+    /// The state that it is to end in, if that was recorded.
+    pub(crate) end: Option<String>,
 }
 
 /// Phases of an attempt; `Idle` is before the first and after a reset.

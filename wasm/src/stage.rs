@@ -1,6 +1,7 @@
 //! What stands on the table, and the attempt to lift it: all that the worker knows of the robot.
 
 mod begin;
+mod play;
 mod show;
 
 pub(crate) use begin::cannot_begin;

@@ -212,7 +212,7 @@ impl Worker {
         }
     }
 
-    /// Plays a demonstration with the object that it was made for.
+    /// Plays a demonstration or a recorded attempt with the object that it was made for.
     fn play(&mut self, file_name: &str, bytes: &[u8]) {
         post(&FromWorker::Progress(Progress::begin(format!("Reading {file_name}"))));
         let begun = self.stage.play(file_name, bytes);

@@ -64,7 +64,7 @@ pub(crate) enum Proof {
     Jobs,
     /// Requests of every kind.
     Requests,
-    /// Mutated meshes, weights and jobs.
+    /// Mutated meshes, weights, recordings and jobs.
     Fuzz,
 }
 
@@ -131,7 +131,7 @@ fn requests(place: &Place) -> Result<()> {
 /// Minutes that each target of `fuzz/` is given.
 const FUZZ_MINUTES: u32 = 10;
 
-/// Mutates what strangers may send: meshes, weights, requests for jobs.
+/// Mutates what strangers may send: meshes, weights, what plays, requests for jobs.
 fn fuzz(place: &Place) -> Result<()> {
     // libFuzzer finds its way by counters at the edges of the code; these flags are those of cargo-fuzz, which needs a
     // nightly compiler only for the sanitizers.
@@ -144,7 +144,7 @@ fn fuzz(place: &Place) -> Result<()> {
     let machine = format!("{}-unknown-linux-gnu", std::env::consts::ARCH);
     let build = ["build", "-p", "fuzz", "--features", "fuzzer", "--bins", "--target-dir", &target];
     run(place.cargo(&build).args(["--target", &machine]).env("RUSTFLAGS", flags))?;
-    for name in ["mesh", "weights", "job"] {
+    for name in ["mesh", "weights", "tape", "job"] {
         let found = folder.join("corpus").join(name);
         std::fs::create_dir_all(&found)?;
         let program = folder.join(&machine).join("debug").join(format!("fuzz-{name}"));

@@ -1,7 +1,7 @@
 //! Everything before the policy acts: the look, the start configuration, and a quintic spline in joint
 //! space that leads there (paper §IV).
 
-use crate::attempt::Controller;
+use crate::controller::Controller;
 use crate::library::Library;
 use crate::verdict::Failure;
 use crate::workcell::{RolloutError, Workcell};
@@ -53,9 +53,10 @@ impl Sight<'_> {
         rng: &mut ChaCha8Rng,
     ) -> Result<Result<Approach, Failure>, RolloutError> {
         match controller {
-            Controller::Replay { targets, .. } => {
-                let rows = targets.iter().skip(1).copied().collect();
-                Ok(Ok(Approach { rows, ticks: 0, encoding: None }))
+            Controller::Replay(recording) => {
+                let rows: Vec<JointState> = recording.rows.iter().skip(1).copied().collect();
+                let ticks = recording.marks.policy.unwrap_or(rows.len());
+                Ok(Ok(Approach { rows, ticks, encoding: None }))
             }
             Controller::Planner => {
                 let unknown = || RolloutError::NoGrasps(self.name.to_owned());

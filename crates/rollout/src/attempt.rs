@@ -1,86 +1,22 @@
 //! The attempt itself. A run is its seed: pose, sensor noise and target are drawn from it in this order.
 
-use crate::approach::{Sight, look, script};
+use crate::approach::{Sight, look};
+use crate::controller::Controller;
 use crate::course::Moment;
-use crate::episode::{Episode, row_of, state_of_row};
-use crate::library::Library;
+use crate::episode::{Episode, Marks, row_of, state_of_row};
 use crate::motion::Motion;
+use crate::phases::Phase;
 use crate::verdict::{Failure, Story, Verdict};
 use crate::workcell::{RolloutError, Workcell};
 use geometry::Vec3;
 use geometry::object::Object;
-use grasps::grasp::Grasp;
-use grasps::{Robot, demonstration, lift, place};
+use grasps::{Robot, demonstration, place};
 use policy::Encoding;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use robot::{JointState, JointVector, integrator};
 use scene::config::{CONTROL_PERIOD, scene_hash};
 use scene::{Hold, Scene, Simulation};
-use std::sync::Arc;
-
-/// Who moves the joints between start and lift.
-#[derive(Clone, Debug)]
-pub enum Controller {
-    /// The learned policy (decision: it integrates its own commanded state).
-    Policy,
-    /// The learned policy with z of another object pose (control b).
-    ShuffledLatent,
-    /// The learned policy with z = 0 (control c).
-    ZeroLatent,
-    /// Fingers closed by script at the start configuration (control a).
-    Script,
-    /// A demonstration planned for this pose, with knowledge of the object.
-    Planner,
-    /// The same with these grasps.
-    Found(Arc<Vec<Grasp>>),
-    /// A demonstration that was made for this pose.
-    Demonstration(Vec<JointState>),
-    /// The demonstration that begins where the policy would: play-back without a network (control d).
-    Nearest(Arc<Library>),
-    /// Recorded targets.
-    Replay {
-        /// States at the beginning and after each tick.
-        targets: Vec<JointState>,
-        /// The tick at which the lift began, if it did.
-        lift_tick: Option<usize>,
-        /// The tick at which the hold began, if it did.
-        hold_tick: Option<usize>,
-    },
-}
-
-impl Controller {
-    /// Whether a network acts.
-    fn is_of_model(&self) -> bool {
-        matches!(self, Self::Policy | Self::ShuffledLatent | Self::ZeroLatent)
-    }
-
-    /// Whether the motion was planned before the attempt, its way to where it begins included.
-    fn is_planned(&self) -> bool {
-        matches!(self, Self::Planner | Self::Found(_) | Self::Demonstration(_) | Self::Nearest(_))
-    }
-
-    /// Whether it was planned for this very object and pose, and its way kept off them.
-    fn knows_the_place(&self) -> bool {
-        self.is_planned() && !matches!(self, Self::Nearest(_))
-    }
-}
-
-/// What is going on.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Phase {
-    /// The spline leads to the start configuration.
-    Approach,
-    /// The controller acts.
-    Policy,
-    /// The fabric lifts.
-    Lift,
-    /// The arm holds.
-    Hold,
-    /// There is a verdict.
-    Done,
-}
 
 /// An attempt in progress.
 pub struct Attempt {
@@ -89,29 +25,25 @@ pub struct Attempt {
     name: String,
     pose: [f32; 3],
     seed: u64,
-    controller: Controller,
+    pub(crate) controller: Controller,
     cloud: Vec<Vec3>,
     pub(crate) encoding: Option<Encoding>,
     pub(crate) state: JointState,
-    plan: std::vec::IntoIter<JointState>,
+    pub(crate) plan: std::vec::IntoIter<JointState>,
     pub(crate) phase: Phase,
-    phase_ticks: usize,
-    resting_ticks: usize,
-    approach_ticks: usize,
-    lift_tick: Option<usize>,
-    hold_tick: Option<usize>,
-    hold: Option<Hold>,
-    story: Story,
-    verdict: Option<Verdict>,
+    pub(crate) phase_ticks: usize,
+    pub(crate) resting_ticks: usize,
+    pub(crate) approach_ticks: usize,
+    pub(crate) marks: Marks,
+    pub(crate) hold: Option<Hold>,
+    pub(crate) story: Story,
+    pub(crate) verdict: Option<Verdict>,
     /// The world's hash at the verdict.
-    end: Option<String>,
+    pub(crate) end: Option<String>,
     pub(crate) is_pulled: bool,
     pub(crate) was_pulled: bool,
     targets: Vec<Vec<f64>>,
 }
-
-/// Distance (m) by which the approach may move the object.
-const APPROACH_SHIFT: f32 = 0.01;
 
 /// Where an attempt puts the object if it is not told: x, y (m), yaw (rad).
 pub fn pose_of_seed(robot: &Robot, seed: u64) -> [f32; 3] {
@@ -160,8 +92,7 @@ impl Attempt {
             phase_ticks: 0,
             resting_ticks: 0,
             approach_ticks: 0,
-            lift_tick: None,
-            hold_tick: None,
+            marks: Marks::default(),
             hold: None,
             story: Story { start: world_from_object.translation, highest: 0.0 },
             verdict: None,
@@ -188,6 +119,7 @@ impl Attempt {
             }
             Err(failure) => attempt.fail(failure),
         }
+        attempt.end_replay();
         Ok(attempt)
     }
 
@@ -230,112 +162,6 @@ impl Attempt {
         // A joint at its limit stops there.
         let qd = JointVector::from_fn(|i, _| if q[i] == free.q[i] { free.qd[i] } else { 0.0 });
         Some(JointState { q, qd })
-    }
-
-    /// Looks at the world after a tick and moves on to the next phase when it is time.
-    fn observe(&mut self, workcell: &Workcell) {
-        let protocol = &workcell.robot.config.attempt;
-        self.story.highest = self.story.highest.max(self.scene.object_height());
-        if !self.scene.is_finite() {
-            return self.fail(Failure::NotFinite);
-        }
-        let object = self.scene.object_pose().translation;
-        let is_replay = matches!(self.controller, Controller::Replay { .. });
-        match self.phase {
-            Phase::Approach if is_replay => {
-                let Controller::Replay { lift_tick, .. } = self.controller else { return };
-                if lift_tick.is_some_and(|tick| self.ticks() >= tick) {
-                    self.begin_lift(workcell);
-                }
-            }
-            Phase::Approach => {
-                let is_shifted = object.distance(self.story.start) > APPROACH_SHIFT;
-                if is_shifted && !self.controller.knows_the_place() {
-                    return self.fail(Failure::Collided);
-                }
-                if self.controller.is_planned() {
-                    if self.phase_ticks >= self.approach_ticks {
-                        self.enter(Phase::Policy);
-                    }
-                } else if self.plan.len() == 0 {
-                    self.enter(Phase::Policy);
-                    if matches!(self.controller, Controller::Script) {
-                        self.plan = script(&self.state.q, workcell).into_iter();
-                    }
-                }
-            }
-            Phase::Policy => {
-                let rests = self.state.qd.norm() < protocol.rest_speed && self.plan.len() == 0;
-                self.resting_ticks = if rests { self.resting_ticks + 1 } else { 0 };
-                let elapsed = self.phase_ticks as f64 * CONTROL_PERIOD;
-                let rested = self.resting_ticks as f64 * CONTROL_PERIOD >= protocol.rest_seconds;
-                if rested || elapsed >= protocol.policy_seconds && self.plan.len() == 0 {
-                    self.begin_lift(workcell);
-                }
-            }
-            Phase::Lift | Phase::Hold => self.judge(workcell),
-            Phase::Done => {}
-        }
-    }
-
-    fn begin_lift(&mut self, workcell: &Workcell) {
-        self.lift_tick = Some(self.ticks());
-        self.hold = Some(Hold::begin(&self.scene));
-        self.enter(Phase::Lift);
-        if matches!(self.controller, Controller::Replay { .. }) {
-            return;
-        }
-        let robot = &workcell.robot;
-        let start = JointState::at_rest(self.state.q);
-        match lift::plan(&robot.config, &robot.tree, &start) {
-            Ok(Some(rows)) => {
-                self.plan = rows.into_iter();
-                self.plan.next();
-            }
-            _ => self.fail(Failure::NotFinite),
-        }
-    }
-
-    fn judge(&mut self, workcell: &Workcell) {
-        let protocol = &workcell.robot.config.attempt;
-        let hold_ticks = (protocol.hold_seconds / CONTROL_PERIOD).round() as usize;
-        let Some(hold) = &mut self.hold else { return };
-        hold.observe(&self.scene);
-        let slip = hold.slip;
-        let loss = hold.loss(&self.scene, protocol);
-        if self.phase == Phase::Lift {
-            let is_up = match self.controller {
-                Controller::Replay { hold_tick, .. } => Some(self.ticks()) == hold_tick,
-                _ => self.plan.len() == 0,
-            };
-            if is_up {
-                self.hold_tick = Some(self.ticks());
-                self.enter(Phase::Hold);
-            }
-            return;
-        }
-        if let Some(loss) = loss {
-            let end = self.scene.object_pose().translation;
-            return self.fail(self.story.reason(end, loss));
-        }
-        if self.phase_ticks >= hold_ticks {
-            self.finish(Verdict::Lifted { slip });
-        }
-    }
-
-    fn enter(&mut self, phase: Phase) {
-        self.phase = phase;
-        self.phase_ticks = 0;
-    }
-
-    fn fail(&mut self, reason: Failure) {
-        self.finish(Verdict::Failed { reason });
-    }
-
-    fn finish(&mut self, verdict: Verdict) {
-        self.verdict = Some(verdict);
-        self.end = Some(self.scene.state_hash().to_hex().to_string());
-        self.enter(Phase::Done);
     }
 
     /// What is going on.
@@ -396,7 +222,7 @@ impl Attempt {
 
     /// Commanded states between start and lift; none if the controller did not come to act.
     fn acted(&self) -> Vec<JointState> {
-        let end = self.lift_tick.unwrap_or(self.ticks());
+        let end = self.marks.lift.unwrap_or(self.ticks());
         let rows = self.targets.get(self.approach_ticks..=end).unwrap_or_default();
         rows.iter().map(|row| state_of_row(row)).collect()
     }
@@ -429,8 +255,9 @@ impl Attempt {
             pose: self.pose,
             seed: self.seed,
             targets: self.targets.clone(),
-            lift_tick: self.lift_tick,
-            hold_tick: self.hold_tick,
+            policy_tick: self.marks.policy,
+            lift_tick: self.marks.lift,
+            hold_tick: self.marks.hold,
             verdict: self.verdict,
             state_hash: self.state_hash(),
         }

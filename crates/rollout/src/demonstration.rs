@@ -1,7 +1,8 @@
 //! A kept demonstration of a dataset, to be watched: no policy acts.
 
-use crate::attempt::{Attempt, Controller};
-use crate::episode::{foreign, state_of};
+use crate::attempt::Attempt;
+use crate::controller::Controller;
+use crate::episode::{check_place, check_states, foreign, state_of};
 use crate::workcell::{RolloutError, Workcell};
 use geometry::object::Object;
 use robot::JointState;
@@ -38,21 +39,8 @@ impl Demonstration {
         if states.is_empty() {
             return Err(RolloutError::NoStates);
         }
-        let limits = &workcell.robot.tree.limits;
-        let is_possible = |state: &JointState| {
-            limits.contains(&state.q, -0.1)
-                && state.qd.amax() < FASTEST
-                && state.qd.norm().is_finite()
-        };
-        if let Some(row) = states.iter().position(|state| !is_possible(state)) {
-            return Err(RolloutError::Impossible { row });
-        }
-        let [x, y, _] = self.pose;
-        let [xs, ys] = [workcell.robot.config.workspace.x, workcell.robot.config.workspace.y];
-        let is_within = |value: f32, [least, most]: [f32; 2]| (least..=most).contains(&value);
-        if !(is_within(x, xs) && is_within(y, ys) && self.pose[2].is_finite()) {
-            return Err(RolloutError::OffTheTable);
-        }
+        check_states(workcell, &states, FASTEST)?;
+        check_place(workcell, self.pose)?;
         let controller = Controller::Demonstration(states);
         Attempt::begin(workcell, object, &self.name, Some(self.pose), 0, controller)
     }

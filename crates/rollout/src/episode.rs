@@ -1,11 +1,18 @@
 //! Recording an attempt and replaying it exactly, without the model.
 
-use crate::attempt::{Attempt, Controller};
+use crate::attempt::Attempt;
+use crate::controller::Controller;
 use crate::verdict::Verdict;
 use crate::workcell::{RolloutError, Workcell};
 use geometry::object::Object;
 use robot::{DOF, JointState, JointVector};
 use scene::config::scene_hash;
+
+/// Joint speeds (rad/s) from here on are no policy's, not even a bad one's.
+const FASTEST: f64 = 1e3;
+
+/// Nothing stands so far away (m), or is turned so often (rad).
+const FARTHEST: f32 = 100.0;
 
 /// A recorded attempt: what was there, and the joint targets of every tick.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -22,6 +29,9 @@ pub struct Episode {
     pub seed: u64,
     /// Commanded q then q̇ of all joints at the beginning and after each tick.
     pub targets: Vec<Vec<f64>>,
+    /// The tick at which the controller began to act, if it did; episodes of before do not say.
+    #[serde(default)]
+    pub policy_tick: Option<usize>,
     /// The tick at which the lift began, if it did.
     pub lift_tick: Option<usize>,
     /// The tick at which the hold began, if it did.
@@ -30,6 +40,24 @@ pub struct Episode {
     pub verdict: Option<Verdict>,
     /// Hash of the final state, hex.
     pub state_hash: String,
+}
+
+/// A recorded attempt as it is followed.
+#[derive(Clone, Debug)]
+pub struct Recording {
+    /// Commanded states at the beginning and after each tick.
+    pub(crate) rows: Vec<JointState>,
+    pub(crate) marks: Marks,
+    /// How it ended, if it did.
+    pub(crate) verdict: Option<Verdict>,
+}
+
+/// The ticks at which phases began, if they did.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Marks {
+    pub(crate) policy: Option<usize>,
+    pub(crate) lift: Option<usize>,
+    pub(crate) hold: Option<usize>,
 }
 
 /// A state as a row of targets.
@@ -65,25 +93,59 @@ pub(crate) fn foreign(
     Err(RolloutError::Foreign { what, wanted, found: found.clone() })
 }
 
+/// An error if the object stands outside the workspace.
+pub(crate) fn check_place(workcell: &Workcell, [x, y, yaw]: [f32; 3]) -> Result<(), RolloutError> {
+    let workspace = &workcell.robot.config.workspace;
+    let is_within = |value: f32, [least, most]: [f32; 2]| (least..=most).contains(&value);
+    if is_within(x, workspace.x) && is_within(y, workspace.y) && yaw.is_finite() {
+        return Ok(());
+    }
+    Err(RolloutError::OffTheTable)
+}
+
+/// An error if a state is beyond the robot's limits, or faster (rad/s) than that.
+pub(crate) fn check_states(
+    workcell: &Workcell,
+    states: &[JointState],
+    fastest: f64,
+) -> Result<(), RolloutError> {
+    let limits = &workcell.robot.tree.limits;
+    let is_possible = |state: &JointState| {
+        limits.contains(&state.q, -0.1) && state.qd.amax() < fastest && state.qd.norm().is_finite()
+    };
+    match states.iter().position(|state| !is_possible(state)) {
+        Some(row) => Err(RolloutError::Impossible { row }),
+        None => Ok(()),
+    }
+}
+
 impl Episode {
-    /// Steps physics through the recorded targets; gives the verdict and the final state hash. What
-    /// failed before the lift has nothing to judge: its verdict is the recorded one.
+    /// Begins to play it: physics steps through the recorded targets. What failed before the hold has nothing to judge:
+    /// its verdict is the recorded one.
+    pub fn begin(&self, workcell: &Workcell, object: &Object) -> Result<Attempt, RolloutError> {
+        foreign("scene", scene_hash(), &self.scene)?;
+        foreign("object", object.hash(), &self.object)?;
+        let rows: Vec<JointState> =
+            self.targets.iter().enumerate().map(state_of).collect::<Result<_, _>>()?;
+        check_states(workcell, &rows, FASTEST)?;
+        if !self.pose.iter().all(|number| number.abs() < FARTHEST) {
+            return Err(RolloutError::OffTheTable);
+        }
+        let marks = Marks { policy: self.policy_tick, lift: self.lift_tick, hold: self.hold_tick };
+        let controller = Controller::Replay(Recording { rows, marks, verdict: self.verdict });
+        Attempt::begin(workcell, object, &self.name, Some(self.pose), self.seed, controller)
+    }
+
+    /// Plays it through; gives the verdict and the final state hash.
     pub fn replay(
         &self,
         workcell: &Workcell,
         object: &Object,
     ) -> Result<(Option<Verdict>, String), RolloutError> {
-        foreign("scene", scene_hash(), &self.scene)?;
-        foreign("object", object.hash(), &self.object)?;
-        let targets = self.targets.iter().enumerate().map(state_of).collect::<Result<_, _>>()?;
-        let controller =
-            Controller::Replay { targets, lift_tick: self.lift_tick, hold_tick: self.hold_tick };
-        let mut attempt =
-            Attempt::begin(workcell, object, &self.name, Some(self.pose), self.seed, controller)?;
+        let mut attempt = self.begin(workcell, object)?;
         while attempt.verdict().is_none() && attempt.ticks() + 1 < self.targets.len() {
             attempt.tick(workcell);
         }
-        let judged = if self.lift_tick.is_some() { attempt.verdict() } else { self.verdict };
-        Ok((judged, attempt.state_hash()))
+        Ok((attempt.verdict(), attempt.state_hash()))
     }
 }

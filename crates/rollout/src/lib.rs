@@ -5,6 +5,7 @@
 
 mod approach;
 pub mod attempt;
+pub mod controller;
 pub mod course;
 pub mod demonstration;
 pub mod episode;
@@ -12,15 +13,20 @@ pub mod interval;
 pub mod library;
 pub mod motion;
 mod onlooker;
+pub mod phases;
+pub mod tape;
 pub mod verdict;
 pub mod workcell;
 
-pub use attempt::{Attempt, Controller, Phase, pose_of_seed};
+pub use attempt::{Attempt, pose_of_seed};
+pub use controller::Controller;
 pub use course::Moment;
 pub use demonstration::Demonstration;
 pub use episode::Episode;
 pub use interval::wilson95;
 pub use library::Library;
 pub use motion::Motion;
+pub use phases::Phase;
+pub use tape::Tape;
 pub use verdict::{Failure, Verdict};
 pub use workcell::{RolloutError, Workcell};

@@ -1,7 +1,8 @@
 //! What an onlooker can see of an attempt and do to it: what the encoder makes of the cloud, what presses on the object,
 //! and pulling at it.
 
-use crate::attempt::{Attempt, Phase};
+use crate::attempt::Attempt;
+use crate::phases::Phase;
 use crate::workcell::Workcell;
 use geometry::{Vec3, cloud};
 use policy::encoding::from_front;

@@ -33,14 +33,14 @@ pub enum RolloutError {
     /// A demonstration is empty.
     #[error("the demonstration has no states; write it again with `ngf dataset episode`")]
     NoStates,
-    /// A demonstration leaves what the robot can do.
-    #[error("row {row} of the demonstration is beyond the robot's limits; write it again")]
+    /// A row leaves what the robot can do.
+    #[error("row {row} is beyond the robot's limits; write it again")]
     Impossible {
         /// Index of the row.
         row: usize,
     },
-    /// A demonstration's object stands elsewhere.
-    #[error("the demonstration's object stands outside the workspace; write it again")]
+    /// The object stands elsewhere.
+    #[error("its object stands outside the workspace; write it again")]
     OffTheTable,
     /// An episode belongs to another scene or object.
     #[error("the episode was recorded with another {what}: {found} instead of {wanted}")]

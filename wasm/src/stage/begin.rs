@@ -1,14 +1,14 @@
-//! How an attempt begins: by who acts, by grasps that a search found, or as a demonstration was recorded.
+//! How an attempt begins: by who acts, or by grasps that a search found.
 
 use super::{Stage, broken};
 use crate::likeness;
 use crate::protocol::{Cloud, Failure, Found, PlanarPose, Played};
-use crate::upload::{self, Loaded};
+use crate::upload::Loaded;
 use geometry::Vec3;
 use grasps::grasp::Grasp;
 use grasps::search::{SearchConfig, search};
 use js_sys::Float32Array;
-use rollout::{Attempt, Controller, Demonstration, RolloutError};
+use rollout::{Attempt, Controller, RolloutError};
 use std::sync::Arc;
 
 impl Stage {
@@ -60,11 +60,11 @@ impl Stage {
                 .map_err(|error| cannot_begin(&error))?;
         self.seed = seed;
         let what = format!("Grasp searched for {label}");
-        self.played = Some(Played { what, closes: "A searched grasp closes the hand" });
+        self.played = Some(Played { what, closes: "A searched grasp closes the hand", end: None });
         Ok(self.set_off(attempt))
     }
 
-    fn set_off(&mut self, attempt: Attempt) -> Cloud {
+    pub(super) fn set_off(&mut self, attempt: Attempt) -> Cloud {
         let array = |points: &[Vec3]| {
             let numbers: Vec<f32> = points.iter().flat_map(|p| p.to_array()).collect();
             Float32Array::from(numbers.as_slice())
@@ -77,44 +77,6 @@ impl Stage {
         self.history.clear();
         self.record();
         Cloud { points, reconstruction, likeness }
-    }
-
-    /// Begins to play a demonstration from a file, with the object that stands there or a built-in one.
-    pub(crate) fn play(&mut self, file_name: &str, bytes: &[u8]) -> Result<Cloud, Failure> {
-        let unusable = |cause: String, cure: &str| Failure {
-            code: "demonstration_unusable",
-            cause: format!("{file_name} cannot be played: {cause}."),
-            cure: cure.into(),
-        };
-        let file: Demonstration = serde_json::from_slice(bytes).map_err(|error| {
-            unusable(
-                error.to_string(),
-                "Write one with `ngf dataset episode DIR N --out FILE`. An episode that was saved here is replayed by \
-                 `ngf replay FILE`.",
-            )
-        })?;
-        let loaded = if self.object == file.object {
-            None
-        } else {
-            Some(upload::built_in(&file.name).map_err(|_| {
-                let cause = format!("it was made with \"{}\", which is not here", file.name);
-                unusable(cause, "Load that object's mesh first; its mass must be the one it was made with, too.")
-            })?)
-        };
-        let object = loaded.as_ref().map_or(&self.loaded.object, |loaded| &loaded.object);
-        let attempt = file.begin(&self.workcell, object).map_err(|error| {
-            let cure =
-                "Make the dataset with this version of the program, and objects as they are.";
-            unusable(error.to_string(), cure)
-        })?;
-        if let Some(loaded) = loaded {
-            self.load(loaded);
-        }
-        let [x, y, yaw] = file.pose;
-        (self.pose, self.pose_seed) = (PlanarPose { x, y, yaw }, None);
-        let what = format!("Demonstration: {}", file.demonstration);
-        self.played = Some(Played { what, closes: "A demonstration closes the hand" });
-        Ok(self.set_off(attempt))
     }
 }
 

@@ -3,7 +3,7 @@
 import { FILES } from "./strings";
 import { MOST, unzip } from "./zip";
 
-// What the worker reads: meshes, archives of them, demonstrations.
+// What the worker reads: meshes, archives of them, what plays.
 const READABLE = /\.(obj|stl|ply|glb|json|zip)$/i;
 const ARCHIVE = /\.zip$/i;
 

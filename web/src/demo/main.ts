@@ -250,7 +250,7 @@ function receive(message: FromWorker): void {
       if (message.code === "wasm_unsupported") stop(ATTEMPT.unsupported);
       if (message.code === "mesh_unusable") refuse(situation.refused());
       // The recording may be of another scene.
-      if (message.code === "demonstration_unusable") opening.end();
+      if (message.code === "recording_unusable") opening.end();
       failures.show(message);
       break;
   }
@@ -331,7 +331,7 @@ async function upload(file: File, told: Told = { unit: null, massKg: null, stand
     // Another one was chosen meanwhile.
     if (awaited !== file) return;
     const message = { kind: "upload", fileName: file.name, bytes, ...told } as const;
-    // A demonstration brings its own object.
+    // What plays brings its own object.
     if (!file.name.endsWith(".json")) situation.ask(message, file);
     comparison.send(message);
     engine.send(message);

@@ -33,7 +33,7 @@ export interface Pull {
 
 export type ToWorker =
   | { kind: "load"; object: string }
-  // A mesh, or a demonstration (JSON).
+  // A mesh, or a demonstration or a recorded attempt (JSON).
   | ({ kind: "upload"; fileName: string; bytes: ArrayBuffer } & Told)
   // Act by the model of this id; base is where the page lies.
   | { kind: "model"; id: string; base: string }
@@ -152,6 +152,8 @@ export interface Played {
   what: string;
   // Said while the hand closes.
   closes: string;
+  // The state that it is to end in, if that was recorded.
+  end: string | null;
 }
 
 export interface Frame {

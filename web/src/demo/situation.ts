@@ -31,7 +31,7 @@ export class Situation {
     this.#isNew = false;
     if (isByItself && this.#object) return false;
     if (name !== null) this.#object = { message: { kind: "load", object: name }, file: null };
-    // A demonstration may be about the file that stands there anyway.
+    // What plays may be about the file that stands there anyway.
     else if (this.#coming[0]?.file.name === label) this.#object = this.#coming.shift()!;
     return true;
   }

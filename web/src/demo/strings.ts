@@ -20,6 +20,8 @@ export const ATTEMPT = {
   ended: (what: string, hash: string) => `${what} ended in state ${hash}`,
   pulled: "Somebody pulled at the object: this one does not count.",
   asInLink: (note: string | null) => `${note}, as in the link`,
+  asRecorded: (note: string | null) => `${note}, as recorded`,
+  notAsRecorded: (note: string | null) => `${note}, and not in the one that was recorded: something differs here`,
 } as const;
 
 // How attempts came out so far.

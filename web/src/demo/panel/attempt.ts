@@ -128,6 +128,8 @@ export class AttemptPanel {
     const what = verdict.played?.what ?? ATTEMPT.seed(verdict.seed) + byHand(verdict);
     this.#note(verdict.pulled ? ATTEMPT.pulled : ATTEMPT.ended(what, verdict.hash.slice(0, 16)));
     this.#hash.title = verdict.hash;
+    const end = verdict.pulled ? null : verdict.played?.end;
+    if (end != null) this.#note((end === verdict.hash ? ATTEMPT.asRecorded : ATTEMPT.notAsRecorded)(this.#hash.textContent));
     showTally(verdict.tally);
     this.#showPhases();
   }

@@ -96,7 +96,7 @@ export class ObjectPicker {
     }
     if (files.length > MOST) this.#events.cut(MOST);
     files = files.slice(0, MOST);
-    // A demonstration brings its own object.
+    // What plays brings its own object.
     for (const file of files) if (!file.name.endsWith(".json")) this.add(file);
     const [first] = files;
     if (first) this.#events.upload(first);
