@@ -37,8 +37,8 @@ export async function serve({ port = 0, data = null } = {}) {
   return { address, server };
 }
 
-// Begins a browser.
-export function launch() {
+// Begins a browser, with further arguments if need be.
+export function launch(more = []) {
   return chromium.launch({
     executablePath: browserProgram,
     args: [
@@ -48,15 +48,16 @@ export function launch() {
       "--disable-component-update",
       "--disable-sync",
       "--no-first-run",
+      ...more,
     ],
   });
 }
 
 // Begins a server and a browser; `close` ends both.
-export async function open({ data = null } = {}) {
+export async function open({ data = null, args = [] } = {}) {
   const { address, server } = await serve({ data });
   // A server that nobody ends keeps the tests from ending.
-  const browser = await launch().catch((error) => {
+  const browser = await launch(args).catch((error) => {
     server.kill();
     throw error;
   });

@@ -1,0 +1,129 @@
+// What is saved and kept: pictures, films, a file on the server; and a page without graphics, or without a network.
+
+import assert from "node:assert/strict";
+import { mkdtempSync, readFileSync, rmSync } from "node:fs";
+import { tmpdir } from "node:os";
+import { join } from "node:path";
+import { after, before, test } from "node:test";
+import { blank, BOX, open, untilReady, visit } from "./chromium.js";
+
+let served;
+let data;
+before(async () => {
+  data = mkdtempSync(join(tmpdir(), "ngf-"));
+  served = await open({ data });
+});
+after(async () => {
+  await served?.close();
+  rmSync(data, { recursive: true, force: true });
+});
+
+// The bytes of what a click saves, and its name.
+async function savedBy(page, selector) {
+  const [download] = await Promise.all([page.waitForEvent("download"), page.click(selector)]);
+  return { name: download.suggestedFilename(), bytes: readFileSync(await download.path()) };
+}
+
+async function verdict(page) {
+  await page.click("#grasp");
+  await page.waitForSelector("[data-phase=approach].is-now");
+  await page.waitForSelector("[data-phase=verdict].is-now");
+  return { words: await page.textContent("#headline"), hash: await page.getAttribute("#hash", "title") };
+}
+
+test("a picture is a picture of the canvas, and a film is a film", async () => {
+  const { page, complaints } = await visit(served);
+  await untilReady(page);
+  const picture = await savedBy(page, "#save-png");
+  assert.equal(picture.name, "ngf-grasp.png");
+  assert.equal(picture.bytes.subarray(1, 4).toString(), "PNG");
+  // Its size, and that it is not of one colour.
+  const shown = await page.evaluate(async (base64) => {
+    const image = new Image();
+    image.src = `data:image/png;base64,${base64}`;
+    await image.decode();
+    const canvas = Object.assign(document.createElement("canvas"), { width: image.width, height: image.height });
+    const context = canvas.getContext("2d");
+    context.drawImage(image, 0, 0);
+    const colors = new Set(new Uint32Array(context.getImageData(0, 0, image.width, image.height).data.buffer));
+    const view = document.getElementById("view");
+    return { ratio: image.width / image.height - view.clientWidth / view.clientHeight, colors: colors.size };
+  }, picture.bytes.toString("base64"));
+  assert.ok(Math.abs(shown.ratio) < 0.01 && shown.colors > 200, JSON.stringify(shown));
+
+  await page.click("#save-webm");
+  await page.waitForFunction(() => document.getElementById("save-webm").textContent === "Stop");
+  await page.click("#grasp");
+  await page.waitForTimeout(2_000);
+  const film = await savedBy(page, "#save-webm");
+  assert.match(film.name, /^ngf-grasp\.(webm|mp4)$/);
+  assert.ok(film.bytes.length > 10_000, `${film.bytes.length} bytes`);
+  if (film.name.endsWith("webm")) assert.deepEqual([...film.bytes.subarray(0, 4)], [0x1a, 0x45, 0xdf, 0xa3]);
+  assert.equal(await page.textContent("#save-webm"), "Film");
+  assert.deepEqual(complaints, []);
+  await page.close();
+});
+
+test("a file that is kept on the server comes with the link", async () => {
+  const context = await served.browser.newContext({ permissions: ["clipboard-read", "clipboard-write"], reducedMotion: "reduce" });
+  const page = await context.newPage();
+  await page.goto(served.address);
+  await untilReady(page);
+  await page.setInputFiles("#file", { name: "tea.obj", mimeType: "text/plain", buffer: Buffer.from(BOX) });
+  await page.waitForFunction(() => document.body.textContent.includes("tea.obj"));
+  const { words, hash } = await verdict(page);
+  await page.click("#copy-link");
+  await page.waitForFunction(() => /need the file/.test(document.getElementById("share-hint").textContent));
+  const bare = await page.evaluate(() => navigator.clipboard.readText());
+  await page.click("#store");
+  await page.waitForFunction(() => document.getElementById("share-hint").textContent === "Copied.");
+  assert.ok(await page.isHidden("#store"));
+  const link = await page.evaluate(() => navigator.clipboard.readText());
+  assert.notEqual(link, bare);
+  await context.close();
+
+  const { page: other, complaints } = await blank(served);
+  await other.goto(link);
+  await other.waitForFunction(() => document.getElementById("hash").textContent.endsWith("as in the link"));
+  assert.equal(await other.getAttribute("#hash", "title"), hash);
+  assert.equal(await other.textContent("#headline"), words);
+  assert.deepEqual(complaints, []);
+  await other.close();
+});
+
+test("without graphics verdicts are told all the same", async () => {
+  const dark = await open({ args: ["--disable-3d-apis"] });
+  try {
+    const { page } = await blank(dark);
+    await page.goto(dark.address);
+    await page.waitForSelector("[data-code=graphics_missing]");
+    await untilReady(page);
+    const { words } = await verdict(page);
+    assert.match(words, /\.$/);
+    // What cannot be done without a picture does no harm.
+    await page.click("#save-png");
+    await page.keyboard.press("c");
+    assert.ok(await page.isEnabled("#grasp"));
+  } finally {
+    await dark.close();
+  }
+});
+
+test("what is loaded goes on without a network, and what is not says so", async () => {
+  const context = await served.browser.newContext({ reducedMotion: "reduce" });
+  const page = await context.newPage();
+  await page.goto(served.address);
+  await untilReady(page);
+  await page.waitForFunction(() => /Policy "/.test(document.getElementById("model").textContent));
+  await page.focus("#compare");
+  await page.waitForSelector("#compare option[value=families]", { state: "attached" });
+  await context.setOffline(true);
+  await page.setInputFiles("#file", { name: "tea.obj", mimeType: "text/plain", buffer: Buffer.from(BOX) });
+  await page.waitForFunction(() => document.body.textContent.includes("tea.obj"));
+  const { words } = await verdict(page);
+  assert.match(words, /\.$/);
+  await page.selectOption("#compare", "families");
+  await page.waitForSelector("[data-code=model_not_fetched]");
+  assert.ok(await page.isEnabled("#grasp"));
+  await context.close();
+});
