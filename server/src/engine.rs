@@ -6,7 +6,9 @@
 //! long as it reports; what one says that is no longer the job's is refused, so that no job ends twice.
 
 mod ask;
+mod begin;
 mod command;
+mod end;
 mod estimate;
 mod forget;
 mod hear;
@@ -19,13 +21,12 @@ pub(crate) use estimate::Estimate;
 pub use launch::JOB_FILE;
 pub use report::{Answer, Command, Ended, JobFile, Note, Report};
 
-use crate::job::{Failure, Job, Status, Wish};
+use crate::job::{Job, Status, Wish};
 use crate::metrics::Metrics;
 use crate::problem::Problem;
-use crate::store::{Level, News, Store, StoreError, Type};
+use crate::store::{News, Store, StoreError, Type};
 use chrono::{TimeDelta, Utc};
-use command::Given;
-use launch::{Launcher, Local, Order};
+use launch::{Launcher, Local};
 use serde_json::json;
 use std::collections::HashMap;
 use std::fs::File;
@@ -230,192 +231,9 @@ impl Engine {
             self.begin(&id).await?;
         }
     }
-
-    /// Gives a job a process.
-    async fn begin(self: &Arc<Self>, id: &str) -> Result<(), StoreError> {
-        // 244 random bits.
-        let half = || uuid::Uuid::new_v4().simple();
-        let token = format!("{}{}", half(), half());
-        let until = soon(LEASE);
-        self.store.lease(id, blake3::hash(token.as_bytes()).as_bytes(), until).await?;
-        let run = |job: &mut Job, news: &mut Vec<News>| {
-            if job.status != Status::Queued {
-                return Err(());
-            }
-            (job.status, job.wish, job.error) = (Status::Running, Wish::Run, None);
-            job.attempt += 1;
-            job.heard = 0;
-            job.started_at.get_or_insert_with(Utc::now);
-            let data = json!({ "status": job.status, "attempt": job.attempt });
-            news.push(News::new(Type::Status, "running", data));
-            Ok(())
-        };
-        let Some(Ok((job, ()))) = self.store.change(id, run).await? else { return Ok(()) };
-        tracing::info!(job = id, kind = job.kind.name(), attempt = job.attempt, "begins");
-        self.metrics.begun(&job);
-        if let Err(error) = self.start(&job, &token).await {
-            let failure = Failure {
-                code: "launch_failed".into(),
-                message: format!("the process could not be started: {error}"),
-                param: None,
-                hint: Some("look at the program and the data folder of the server".into()),
-            };
-            self.end(id, job.attempt, Err(failure)).await?;
-        }
-        Ok(())
-    }
-
-    /// Starts the process of a job, and somebody who waits for its end.
-    async fn start(self: &Arc<Self>, job: &Job, token: &str) -> Result<(), StoreError> {
-        let folder = self.folder(&job.id);
-        std::fs::create_dir_all(folder.join(command::OUT))?;
-        let dataset = match &job.inputs.dataset_id {
-            Some(id) => Some(self.dataset_path(id).await?),
-            None => None,
-        };
-        let model = match job.inputs.encoder_id.as_ref().or(job.inputs.model_id.as_ref()) {
-            Some(id) => self.model_folder(id, &folder).await?,
-            None => None,
-        };
-        let mesh = match &job.inputs.mesh_id {
-            Some(id) => Some(self.mesh_file(id, &folder).await?),
-            None => None,
-        };
-        let given =
-            Given { dataset: dataset.as_deref(), model: model.as_deref(), mesh: mesh.as_deref() };
-        let url = self.url.get().cloned().unwrap_or_default();
-        let told = JobFile {
-            url: format!("{url}/api/v1/jobs/{}/reports", job.id),
-            token: token.to_owned(),
-            lock: folder.join(LOCK),
-        };
-        let job_file = folder.join("job.json");
-        write_secret(&job_file, &serde_json::to_vec(&told)?)?;
-        let order = Order {
-            arguments: command::arguments(&job.params, &given),
-            log: folder.join("log.txt"),
-            folder,
-            job_file,
-        };
-        let mut process = self.launcher.start(&order)?;
-        let (kill, killed) = oneshot::channel();
-        self.kills().insert(job.id.clone(), (job.attempt, kill));
-        let (engine, id, attempt) = (self.clone(), job.id.clone(), job.attempt);
-        tokio::spawn(async move {
-            tokio::select! {
-                _ = process.ended() => {}
-                // Also if the sender is gone.
-                _ = killed => process.kill().await,
-            }
-            engine.kills().retain(|other, (of, _)| *other != id || *of != attempt);
-            if let Err(error) = engine.vanished(&id, Some(attempt)).await {
-                tracing::warn!(job = id, %error, "settling");
-            }
-            engine.wake.notify_one();
-        });
-        Ok(())
-    }
-
-    /// Settles a job whose process is gone without having said that it is over.
-    async fn vanished(&self, id: &str, attempt: Option<u64>) -> Result<(), StoreError> {
-        let settle = |job: &mut Job, news: &mut Vec<News>| {
-            let is_its = attempt.is_none_or(|attempt| attempt == job.attempt);
-            if !is_its || !job.status.has_process() {
-                return Err(());
-            }
-            match job.wish {
-                Wish::Cancel => job.close(Status::Cancelled, news),
-                Wish::Pause => {
-                    job.status = Status::Paused;
-                    news.push(News::new(Type::Status, "paused", json!({ "status": job.status })));
-                }
-                Wish::Run => {
-                    job.lost += 1;
-                    let message = "its process vanished";
-                    let data = json!({ "code": "worker_lost", "lost": job.lost });
-                    news.push(News { level: Level::Warn, ..News::new(Type::Alert, message, data) });
-                    if job.lost > MOST_LOST {
-                        job.error = Some(Failure {
-                            code: "worker_lost".into(),
-                            message: format!("{} processes in a row vanished", job.lost),
-                            param: None,
-                            hint: Some("look at its log, and at the memory of the machine; a retry goes on from the last checkpoint".into()),
-                        });
-                        job.close(Status::Failed, news);
-                    } else {
-                        job.status = Status::Queued;
-                        let data = json!({ "status": job.status });
-                        news.push(News::new(Type::Status, "queued again", data));
-                    }
-                }
-            }
-            Ok(())
-        };
-        let changed = self.store.change(id, settle).await?;
-        self.settled(changed);
-        Ok(())
-    }
-
-    /// Notes that the process of a job is gone.
-    fn settled(&self, changed: Option<Result<(Job, ()), ()>>) {
-        if let Some(Ok((job, ()))) = changed {
-            let (status, lost) = (job.status.name(), job.lost);
-            match &job.error {
-                Some(error) => {
-                    tracing::warn!(job = job.id, status, lost, error = error.message, "ended");
-                }
-                None => tracing::info!(job = job.id, status, lost, "ended"),
-            }
-            self.metrics.ended(&job);
-        }
-        self.wake.notify_one();
-    }
-
-    /// Ends a job as its process says.
-    async fn end(
-        &self,
-        id: &str,
-        attempt: u64,
-        outcome: Result<settle::Found, Failure>,
-    ) -> Result<(), StoreError> {
-        let settle = |job: &mut Job, news: &mut Vec<News>| {
-            if attempt != job.attempt || !job.status.has_process() {
-                return Err(());
-            }
-            match outcome {
-                _ if job.wish == Wish::Cancel => job.close(Status::Cancelled, news),
-                Ok(found) => {
-                    job.outputs = found.outputs;
-                    news.extend(found.news);
-                    job.close(Status::Succeeded, news);
-                }
-                Err(failure) => {
-                    job.error = Some(failure);
-                    job.close(Status::Failed, news);
-                }
-            }
-            Ok(())
-        };
-        let changed = self.store.change(id, settle).await?;
-        self.settled(changed);
-        Ok(())
-    }
 }
 
 /// The time (ms) after so long from now.
 fn soon(after: Duration) -> i64 {
     (Utc::now() + after).timestamp_millis()
-}
-
-/// Writes a file that only its owner reads.
-fn write_secret(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
-    use std::io::Write;
-    let mut options = File::options();
-    options.write(true).create(true).truncate(true);
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::OpenOptionsExt;
-        options.mode(0o600);
-    }
-    options.open(path)?.write_all(bytes)
 }
