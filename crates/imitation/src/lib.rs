@@ -21,4 +21,5 @@ pub mod start;
 pub mod step;
 pub mod suite;
 pub mod training;
+mod visits;
 pub mod watcher;

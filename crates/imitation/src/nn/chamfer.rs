@@ -136,7 +136,7 @@ impl WithSimd for Search<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use candle_core::{Device, Var};
+    use candle_core::Device;
 
     fn cloud(count: usize, shift: f32) -> Vec<f32> {
         (0..3 * count).map(|k| libm::sinf((k * k) as f32) + shift).collect()
@@ -163,27 +163,6 @@ mod tests {
                 let first = all.iter().position(|d| *d == least).unwrap();
                 assert!(i == first && (squared - least).abs() < 1e-6, "{i}, wanted {first}");
             }
-        }
-    }
-
-    #[test]
-    fn gradient_agrees_with_central_differences() {
-        let made = cloud(7, 0.0);
-        let wanted = Tensor::from_vec(cloud(9, 0.2), (1, 9, 3), &Device::Cpu).unwrap();
-        let value = |made: Vec<f32>| {
-            let made = Tensor::from_vec(made, (1, 7, 3), &Device::Cpu).unwrap();
-            made.apply_op2(&wanted, Chamfer::default()).unwrap().to_vec1::<f32>().unwrap()[0]
-        };
-        let var = Var::from_vec(made.clone(), (1, 7, 3), &Device::Cpu).unwrap();
-        let loss = var.apply_op2(&wanted, Chamfer::default()).unwrap().sum_all().unwrap();
-        let store = loss.backward().unwrap();
-        let gradient = store.get(&var).unwrap().flatten_all().unwrap().to_vec1::<f32>().unwrap();
-        for k in 0..made.len() {
-            let (mut up, mut down) = (made.clone(), made.clone());
-            up[k] += 1e-3;
-            down[k] -= 1e-3;
-            let wanted = (value(up) - value(down)) / 2e-3;
-            assert!((gradient[k] - wanted).abs() < 2e-3, "{} against {wanted}", gradient[k]);
         }
     }
 }

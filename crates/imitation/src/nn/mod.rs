@@ -7,6 +7,8 @@ pub mod autoencoder;
 pub mod baseline;
 pub mod chamfer;
 pub mod dense;
+#[cfg(test)]
+mod differences;
 pub mod features;
 pub mod gate;
 pub mod head;
