@@ -112,12 +112,16 @@ fn free_motion_is_tracked_before_contact() {
     for i in robot::ARM..robot::DOF {
         above[i] = 0.5 * (home[i] + posture.squeeze[i]);
     }
-    let mut worst = 0.0f64;
+    let (mut worst, mut apart, mut fastest) = (0.0f64, 0.0f64, 0.0f64);
     for next in robot::spline::quintic(&home, &above, &tree.limits, CONTROL_PERIOD) {
         scene.follow(&state, &next);
         state = next;
         worst = worst.max((scene.joint_positions() - state.q).amax());
+        let measured = scene.joint_velocities();
+        apart = apart.max((measured - state.qd).norm());
+        fastest = fastest.max(measured.norm());
     }
     println!("free motion: tracked within {worst:.4} rad");
     assert!(worst <= 0.02, "a joint is {worst} rad off its command, wanted at most 0.02");
+    assert!(apart <= 0.2 * fastest, "velocities are {apart} rad/s off of {fastest}");
 }

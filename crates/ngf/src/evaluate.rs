@@ -44,6 +44,17 @@ pub(crate) struct Options {
     /// Evaluate the controls too.
     #[arg(long)]
     controls: bool,
+    /// What the policy is told of the joints: what it commanded, as it was trained, or what is measured.
+    #[arg(long, value_enum, default_value_t = Feedback::Commanded)]
+    #[arg(conflicts_with = "card")]
+    feedback: Feedback,
+}
+
+/// What a policy is told of the joints.
+#[derive(Clone, Copy, Debug, PartialEq, clap::ValueEnum)]
+enum Feedback {
+    Commanded,
+    Measured,
 }
 
 /// Evaluates and prints one line for each controller, and for families their sums.
@@ -107,6 +118,7 @@ fn objects(options: &Options) -> Result<Vec<(String, Object)>> {
 fn contestants(options: &Options, object: &Object) -> Vec<(String, Controller, Object)> {
     let (label, controller) = match options.model.as_str() {
         "planner" => ("planner", Controller::Planner),
+        _ if options.feedback == Feedback::Measured => ("policy, measured", Controller::Measured),
         _ => ("policy", Controller::Policy),
     };
     let mut all = vec![(label.to_owned(), controller.clone(), object.clone())];

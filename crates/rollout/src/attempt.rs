@@ -152,12 +152,16 @@ impl Attempt {
         let (Some(model), Some(object)) = (&workcell.model, &self.encoding) else {
             return Some(JointState::at_rest(self.state.q));
         };
-        let Some(qdd) = object.acceleration(&model.network, &self.state) else {
+        let state = match self.controller {
+            Controller::Measured => self.measured(),
+            _ => self.state,
+        };
+        let Some(qdd) = object.acceleration(&model.network, &state) else {
             self.fail(Failure::NotFinite);
             return None;
         };
         let limits = &workcell.robot.tree.limits;
-        let free = integrator::step(&self.state, &qdd, CONTROL_PERIOD);
+        let free = integrator::step(&state, &qdd, CONTROL_PERIOD);
         let q = limits.clamp(&free.q, 0.0);
         // A joint at its limit stops there.
         let qd = JointVector::from_fn(|i, _| if q[i] == free.q[i] { free.qd[i] } else { 0.0 });
@@ -182,6 +186,11 @@ impl Attempt {
     /// The world as it is now.
     pub fn scene(&self) -> &Scene {
         &self.scene
+    }
+
+    /// The joints as they are.
+    fn measured(&self) -> JointState {
+        JointState { q: self.scene.joint_positions(), qd: self.scene.joint_velocities() }
     }
 
     /// The commanded state.

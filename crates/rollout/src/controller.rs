@@ -9,8 +9,10 @@ use std::sync::Arc;
 /// Who moves the joints between start and lift.
 #[derive(Clone, Debug)]
 pub enum Controller {
-    /// The learned policy (decision: it integrates its own commanded state).
+    /// The learned policy, which integrates its own commanded state.
     Policy,
+    /// The learned policy told the joints as they are measured: Eq. 6 and 7 lead on from there.
+    Measured,
     /// The learned policy with z of another object pose (control b).
     ShuffledLatent,
     /// The learned policy with z = 0 (control c).
@@ -32,7 +34,7 @@ pub enum Controller {
 impl Controller {
     /// Whether a network acts.
     pub(crate) fn is_of_model(&self) -> bool {
-        matches!(self, Self::Policy | Self::ShuffledLatent | Self::ZeroLatent)
+        matches!(self, Self::Policy | Self::Measured | Self::ShuffledLatent | Self::ZeroLatent)
     }
 
     /// Whether the motion was planned before the attempt, its way to where it begins included.

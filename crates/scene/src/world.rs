@@ -79,6 +79,14 @@ impl Scene {
         })
     }
 
+    /// Measured joint velocities (rad/s).
+    pub fn joint_velocities(&self) -> JointVector {
+        let joints = &self.tabletop.world.multibody_joints;
+        let robot = self.joints.first().and_then(|joint| joints.get(*joint));
+        let velocity = robot.map(|(multibody, _)| multibody.generalized_velocity());
+        JointVector::from_fn(|i, _| velocity.map_or(f64::NAN, |v| v[self.dof_index[i]] as f64))
+    }
+
     /// Pose of every robot body, base first.
     pub fn body_poses(&self) -> impl Iterator<Item = Pose> + '_ {
         self.bodies.iter().map(|&body| *self.tabletop.world.bodies[body].position())
