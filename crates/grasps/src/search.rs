@@ -102,11 +102,11 @@ impl SearchConfig {
 
 /// A search under way.
 pub(crate) struct Search<'a> {
-    robot: &'a Robot,
-    object: &'a Object,
+    pub(crate) robot: &'a Robot,
+    pub(crate) object: &'a Object,
     anywhere: Setting<'a>,
     subject: Subject<'a>,
-    config: &'a SearchConfig,
+    pub(crate) config: &'a SearchConfig,
     /// Where the object stands in the repeats, the same for every grasp: x, y (m), yaw (rad).
     beside: Vec<[f32; 3]>,
     pub(crate) rng: ChaCha8Rng,

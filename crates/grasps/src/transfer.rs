@@ -4,9 +4,10 @@
 //! alike, and a policy that has learned some of them may know what to do with the next.
 
 use crate::grasp::Grasp;
+use crate::kind::{Scored, half_turn};
 use crate::proposal::{self, GRASP_CENTER, ProposalConfig};
 use crate::search::{Search, SearchConfig};
-use crate::{GraspSet, Robot, cluster, kind::Scored, tolerance};
+use crate::{GraspSet, Robot, cluster, tolerance};
 use geometry::object::Object;
 use robot::{Isometry, Vector, rotation};
 use scene::SceneError;
@@ -21,7 +22,9 @@ const ENOUGH: usize = 3;
 /// Tries the grasps `set` of the object `from` on `object`; those that are reliable there keep their kinds and order.
 ///
 /// Grasps that were chosen by how they bear a hand beside its place must bear it here as well: one above the shoulder of a
-/// bottle may not, on a lower one.
+/// bottle may not, on a lower one. Of two sides of a kind, one may be found and the other not, by a hair; it is then tried
+/// half a turn from the one that was. Without it, low bottles were not grasped at all where the other side is out of
+/// reach, far from the robot with their broad side in front, and a policy missed the mustard there.
 pub fn transfer(
     robot: &Robot,
     from: &Object,
@@ -30,12 +33,42 @@ pub fn transfer(
     config: &SearchConfig,
     seed: u64,
 ) -> Result<GraspSet, SceneError> {
-    let mut search = Search::begin(robot, object, config, seed);
+    let search = Search::begin(robot, object, config, seed);
     let is_tolerant = set.is_chosen();
-    let enough = if is_tolerant { 2 * ENOUGH } else { ENOUGH };
-    let (mut grasps, mut lifted, mut reliable, mut confirmed) = (Vec::new(), 0, 0, [0; 2]);
+    let mut tries = Tries { search, is_tolerant, lifted: 0, reliable: 0, confirmed: [0; 2] };
+    let mut found = Vec::new();
     for grasp in &set.grasps {
         let palm = carried(from, object, &grasp.object_from_palm);
+        found.push(tries.near(&palm, grasp)?);
+    }
+    for (i, grasp) in set.grasps.iter().enumerate() {
+        let other = found.iter().flatten().find(|other: &&Grasp| other.kind == grasp.kind);
+        if let (None, Some(other)) = (&found[i], other) {
+            let palm = half_turn(object, &other.object_from_palm);
+            found[i] = tries.near(&palm, grasp)?;
+        }
+    }
+    let Tries { search, lifted, reliable, confirmed, .. } = tries;
+    let Search { proposed, closed, tried, .. } = search;
+    let grasps = found.into_iter().flatten().collect();
+    Ok(GraspSet { grasps, proposed, closed, tried, lifted, reliable, confirmed })
+}
+
+/// Grasps that are tried on an object, and how many came how far.
+struct Tries<'a> {
+    search: Search<'a>,
+    /// Whether they must bear a hand beside its place.
+    is_tolerant: bool,
+    lifted: usize,
+    reliable: usize,
+    confirmed: [usize; 2],
+}
+
+impl Tries<'_> {
+    /// A grasp like `grasp` with the palm there, or nearly so.
+    fn near(&mut self, palm: &Isometry, grasp: &Grasp) -> Result<Option<Grasp>, SceneError> {
+        let (robot, object, config) = (self.search.robot, self.search.object, self.search.config);
+        let enough = if self.is_tolerant { 2 * ENOUGH } else { ENOUGH };
         let proposal = ProposalConfig { open: grasp.open, ..config.proposal.clone() };
         let mut found: Vec<Scored> = Vec::new();
         for try_ in 0..TRIES {
@@ -44,28 +77,31 @@ pub fn transfer(
             }
             let (shift, turn) = (config.palm_shift, config.palm_turn);
             let pose = match try_ {
-                0 => palm,
-                _ => proposal::vary_palm(&palm, shift, turn, &mut search.rng),
+                0 => *palm,
+                _ => proposal::vary_palm(palm, shift, turn, &mut self.search.rng),
             };
-            search.proposed += 1;
-            let Some((closed, _)) = search.close(pose, &proposal) else { continue };
-            let Some(scored) = search.scored(&closed)? else { continue };
-            lifted += 1;
+            self.search.proposed += 1;
+            let Some((closed, _)) = self.search.close(pose, &proposal) else { continue };
+            let Some(scored) = self.search.scored(&closed)? else { continue };
+            self.lifted += 1;
             if scored.again >= config.least_lifted {
                 found.push(scored);
             }
         }
-        reliable += found.len();
-        let far = |scored: &Scored| cluster::distance(&palm, &scored.grasp.object_from_palm);
+        self.reliable += found.len();
+        let far = |scored: &Scored| cluster::distance(palm, &scored.grasp.object_from_palm);
         found.sort_by(|a, b| far(a).total_cmp(&far(b)));
         let mut best: Option<(f64, Grasp)> = None;
         for Scored { grasp: near, .. } in found {
-            confirmed[0] += 1;
-            if !search.is_confirmed(&near)? || !tolerance::is_approachable(robot, object, &near)? {
+            self.confirmed[0] += 1;
+            if !self.search.is_confirmed(&near)?
+                || !tolerance::is_approachable(robot, object, &near)?
+            {
                 continue;
             }
-            confirmed[1] += 1;
-            let share = if is_tolerant { tolerance::share(robot, object, &near)? } else { 1.0 };
+            self.confirmed[1] += 1;
+            let share =
+                if self.is_tolerant { tolerance::share(robot, object, &near)? } else { 1.0 };
             if share >= tolerance::LEAST && best.as_ref().is_none_or(|(most, _)| share > *most) {
                 best = Some((share, Grasp { kind: grasp.kind, ..near }));
             }
@@ -73,10 +109,8 @@ pub fn transfer(
                 break;
             }
         }
-        grasps.extend(best.map(|(_, grasp)| grasp));
+        Ok(best.map(|(_, grasp)| grasp))
     }
-    let Search { proposed, closed, tried, .. } = search;
-    Ok(GraspSet { grasps, proposed, closed, tried, lifted, reliable, confirmed })
 }
 
 /// The pose of a palm whose grasp centre has the same place in the bounding box of `object` as in that of `from`.
@@ -132,5 +166,22 @@ mod tests {
             let wanted = carried(&from, &to, &old.object_from_palm);
             assert!(cluster::distance(&wanted, &new.object_from_palm) < 1e-9);
         }
+    }
+
+    #[test]
+    fn where_one_side_is_not_found_it_is_half_a_turn_from_the_other() {
+        let robot = Robot::standard().unwrap();
+        let object = Object::built_in("sugar_box").unwrap();
+        let mut set = built_in("sugar_box").unwrap();
+        set.grasps.truncate(1);
+        // Nothing is there to close on.
+        let mut high = set.grasps[0].clone();
+        high.object_from_palm.translation.z += 0.3;
+        set.grasps.push(high);
+        let config = SearchConfig::paper(&robot);
+        let found = transfer(&robot, &object, &set, &object, &config, 0).unwrap();
+        let [one, other] = &found.grasps[..] else { panic!("{found:?}") };
+        let turned = half_turn(&object, &one.object_from_palm);
+        assert!(cluster::distance(&turned, &other.object_from_palm) < crate::kind::OTHER_SIDE);
     }
 }
