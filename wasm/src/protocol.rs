@@ -75,8 +75,7 @@ pub(crate) enum ToWorker {
     Cancel,
     /// Write the attempt as a file.
     Export,
-    /// Search grasps of what stands there. It takes its time, and nothing else is heard meanwhile: a worker of its
-    /// own is to be asked, and ended if nobody waits any more.
+    /// Search grasps of what stands there; nothing else is heard meanwhile: a worker of its own is to be asked.
     Search {
         seed: u32,
     },

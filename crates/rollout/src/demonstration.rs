@@ -2,7 +2,7 @@
 
 use crate::attempt::Attempt;
 use crate::controller::Controller;
-use crate::episode::{check_place, check_states, foreign, state_of};
+use crate::episode::{check_states, foreign, state_of};
 use crate::workcell::{RolloutError, Workcell};
 use geometry::object::Object;
 use robot::JointState;
@@ -40,7 +40,12 @@ impl Demonstration {
             return Err(RolloutError::NoStates);
         }
         check_states(workcell, &states, FASTEST)?;
-        check_place(workcell, self.pose)?;
+        let [x, y, yaw] = self.pose;
+        let workspace = &workcell.robot.config.workspace;
+        let is_within = |value: f32, [least, most]: [f32; 2]| (least..=most).contains(&value);
+        if !(is_within(x, workspace.x) && is_within(y, workspace.y) && yaw.is_finite()) {
+            return Err(RolloutError::OffTheTable);
+        }
         let controller = Controller::Demonstration(states);
         Attempt::begin(workcell, object, &self.name, Some(self.pose), 0, controller)
     }

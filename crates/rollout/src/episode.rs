@@ -93,16 +93,6 @@ pub(crate) fn foreign(
     Err(RolloutError::Foreign { what, wanted, found: found.clone() })
 }
 
-/// An error if the object stands outside the workspace.
-pub(crate) fn check_place(workcell: &Workcell, [x, y, yaw]: [f32; 3]) -> Result<(), RolloutError> {
-    let workspace = &workcell.robot.config.workspace;
-    let is_within = |value: f32, [least, most]: [f32; 2]| (least..=most).contains(&value);
-    if is_within(x, workspace.x) && is_within(y, workspace.y) && yaw.is_finite() {
-        return Ok(());
-    }
-    Err(RolloutError::OffTheTable)
-}
-
 /// An error if a state is beyond the robot's limits, or faster (rad/s) than that.
 pub(crate) fn check_states(
     workcell: &Workcell,

@@ -91,7 +91,8 @@ impl Attempt {
     /// recorded one.
     pub(crate) fn end_replay(&mut self) {
         let Controller::Replay(Recording { verdict, .. }) = self.controller else { return };
-        if let Some(verdict) = verdict.filter(|_| self.plan.len() == 0 && self.verdict.is_none()) {
+        let is_over = self.plan.len() == 0 && self.verdict.is_none();
+        if let Some(verdict) = verdict.filter(|_| is_over && self.marks.hold.is_none()) {
             self.finish(verdict);
         }
     }
