@@ -51,6 +51,15 @@ const misplaced = () => {
       if (!apart) found.push(`${named(control)} lies over ${named(controls[j])}`);
     }
   });
+  // Below the fold of a panel that scrolls, what counts is the width.
+  for (const section of document.querySelectorAll(".panel > section")) {
+    const room = section.getBoundingClientRect();
+    for (const part of section.querySelectorAll("label, label span, button, input, select, dd, p")) {
+      if (!part.checkVisibility({ visibilityProperty: true })) continue;
+      if (part.getBoundingClientRect().right > room.right + 1) found.push(`${named(part)} reaches out of the panel`);
+      if (part.matches("span") && part.scrollWidth > part.clientWidth + 1) found.push(`${named(part)} is cut short`);
+    }
+  }
   return found;
 };
 
