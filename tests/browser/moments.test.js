@@ -108,6 +108,13 @@ test("twenty attempts in a row are counted, and end as one by one", async () => 
   assert.ok(rows[3].endsWith(hash), `${rows[3]} and ${hash}`);
   assert.equal(words === "Lifted and held.", lifted === "true");
   assert.match(await page.textContent("#tally"), /of 20 lifted/, "the same attempt counts once");
+  // Where they stood: a mark each, and a click shows that attempt again.
+  const lifts = rows.filter((row) => row.split(",")[4] === "true").length;
+  assert.equal(await page.locator("#places-map .is-lifted").count(), lifts);
+  assert.equal(await page.locator("#places-map .is-failed").count(), 20 - lifts);
+  assert.equal(await page.locator("#batch-failures li").count(), 20 - lifts);
+  await page.locator("#places-map g").nth(5).click();
+  await page.waitForFunction(() => document.getElementById("seed").value === "105");
   // Another row can be stopped.
   await page.selectOption("#batch-count", "100");
   await page.click("#batch-run");

@@ -57,7 +57,7 @@ const misplaced = () => {
     for (const part of section.querySelectorAll("label, label span, button, input, select, dd, p")) {
       if (!part.checkVisibility({ visibilityProperty: true })) continue;
       if (part.getBoundingClientRect().right > room.right + 1) found.push(`${named(part)} reaches out of the panel`);
-      if (part.matches("span") && part.scrollWidth > part.clientWidth + 1) found.push(`${named(part)} is cut short`);
+      if (part.matches("span") && part.scrollWidth > part.clientWidth) found.push(`${named(part)} is cut short`);
     }
   }
   return found;

@@ -34,6 +34,18 @@ export function h<K extends keyof HTMLElementTagNameMap>(
   return made;
 }
 
+// A new element of a drawing.
+export function svg<K extends keyof SVGElementTagNameMap>(
+  tag: K,
+  attributes: Record<string, string | number> = {},
+  ...children: (Node | string)[]
+): SVGElementTagNameMap[K] {
+  const made = document.createElementNS("http://www.w3.org/2000/svg", tag);
+  for (const [name, value] of Object.entries(attributes)) made.setAttribute(name, String(value));
+  made.append(...children);
+  return made;
+}
+
 // A button that says that it is at work until it is done. What goes wrong then is told by whoever hears its event
 // "refused"; where nobody does, the browser's list of errors has it.
 export function button(label: string, act: () => unknown, attributes: Attributes = {}): HTMLButtonElement {

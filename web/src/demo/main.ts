@@ -189,6 +189,7 @@ function receive(message: FromWorker): void {
       view?.show(message);
       objects.show(message.objects);
       pose.limit(message.workspace);
+      batch.limit(message.workspace);
       playback.enable();
       inside.limit(message.joints);
       share.ready(message);

@@ -36,7 +36,7 @@ export const TALLY = {
 export const BATCH = {
   run: "Run",
   stop: "Stop",
-  failed: (seed: number, words: string) => `Seed ${seed}: ${words}`,
+  ended: (seed: number, words: string) => `Seed ${seed}: ${words}`,
   watch: "Watch",
 } as const;
 

@@ -3,8 +3,9 @@
 import { element, h } from "../../common/dom";
 import { outOf } from "../../common/strings";
 import { save } from "../save";
-import type { Attempted, ToWorker } from "../protocol";
+import type { Attempted, Rectangle, ToWorker } from "../protocol";
 import { BATCH } from "../strings";
+import { Places } from "./places";
 
 export interface BatchEvents {
   send(message: ToWorker): void;
@@ -22,14 +23,21 @@ export class BatchPanel {
   readonly #csv = element("batch-csv", HTMLButtonElement);
   readonly #words = element("batch-words", HTMLElement);
   readonly #failures = element("batch-failures", HTMLUListElement);
+  readonly #places: Places;
   #rows: Attempted[] = [];
   #wanted = 0;
   #isRunning = false;
 
   constructor(events: BatchEvents) {
     this.#events = events;
+    this.#places = new Places((seed) => events.replay(seed));
     this.#run.addEventListener("click", () => (this.#isRunning ? events.send({ kind: "cancel" }) : this.#begin()));
     this.#csv.addEventListener("click", () => save("attempts.csv", new Blob([csv(this.#rows)], { type: "text/csv" })));
+  }
+
+  // Where objects may stand.
+  limit(workspace: Rectangle): void {
+    this.#places.limit(workspace);
   }
 
   // Whether attempts can begin.
@@ -38,8 +46,7 @@ export class BatchPanel {
   }
 
   #begin(): void {
-    this.#rows = [];
-    this.#failures.replaceChildren();
+    this.#forget();
     this.#wanted = Number(this.#count.value);
     this.#isRunning = true;
     this.#run.textContent = BATCH.stop;
@@ -50,6 +57,7 @@ export class BatchPanel {
 
   add(row: Attempted): void {
     this.#rows.push(row);
+    this.#places.add(row);
     if (!row.lifted) this.#failures.append(this.#failure(row));
     this.#show();
   }
@@ -63,9 +71,14 @@ export class BatchPanel {
   // Another object or policy: what was counted is not about it.
   clear(): void {
     this.end();
+    this.#forget();
+    this.#show();
+  }
+
+  #forget(): void {
     this.#rows = [];
     this.#failures.replaceChildren();
-    this.#show();
+    this.#places.clear();
   }
 
   #show(): void {
@@ -78,7 +91,7 @@ export class BatchPanel {
 
   #failure({ seed, words }: Attempted): HTMLLIElement {
     const button = h("button", { type: "button", class: "quiet", click: () => this.#events.replay(seed) }, BATCH.watch);
-    return h("li", {}, h("span", {}, BATCH.failed(seed, words)), button);
+    return h("li", {}, h("span", {}, BATCH.ended(seed, words)), button);
   }
 }
 

@@ -1,6 +1,6 @@
 // What goes on inside: where every joint stands between its limits, and what the fabric keeps.
 
-import { element, h } from "../../common/dom";
+import { element, h, svg } from "../../common/dom";
 import type { Frame, Joint, Terms, ToWorker } from "../protocol";
 import { INSIDE } from "../strings";
 
@@ -31,14 +31,10 @@ export class InsidePanel {
     const plots = element("plots", HTMLElement);
     for (const key of PLOTS) {
       const { name, unit } = INSIDE.plots[key];
-      const line = document.createElementNS("http://www.w3.org/2000/svg", "polyline");
-      const svg = document.createElementNS("http://www.w3.org/2000/svg", "svg");
-      svg.setAttribute("viewBox", "0 0 100 30");
-      svg.setAttribute("preserveAspectRatio", "none");
-      svg.setAttribute("aria-hidden", "true");
-      svg.append(line);
+      const line = svg("polyline");
+      const frame = { viewBox: "0 0 100 30", preserveAspectRatio: "none", "aria-hidden": "true" };
       const value = h("span", { class: "is-number" });
-      plots.append(h("figure", {}, h("figcaption", {}, name, " ", value, ` ${unit}`), svg));
+      plots.append(h("figure", {}, h("figcaption", {}, name, " ", value, ` ${unit}`), svg("svg", frame, line)));
       this.#plots.set(key, { line, value });
     }
   }
