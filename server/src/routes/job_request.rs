@@ -74,12 +74,23 @@ pub(super) enum Verb {
 #[derive(Debug, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct JobPatch {
-    #[serde(default)]
-    pub(super) name: Option<String>,
-    #[serde(default)]
-    pub(super) metadata: Option<Map<String, Value>>,
+    /// Null takes it away.
+    #[serde(default, deserialize_with = "said")]
+    #[schema(value_type = Option<String>)]
+    pub(super) name: Option<Option<String>>,
+    /// All of it anew; null takes it away.
+    #[serde(default, deserialize_with = "said")]
+    #[schema(value_type = Option<std::collections::HashMap<String, String>>)]
+    pub(super) metadata: Option<Option<Map<String, Value>>>,
     #[serde(default)]
     pub(super) priority: Option<i64>,
+}
+
+/// What is there, even if it is null: that is another wish than to leave it out (RFC 7396).
+fn said<'de, D: serde::Deserializer<'de>, T: Deserialize<'de>>(
+    deserializer: D,
+) -> Result<Option<T>, D::Error> {
+    T::deserialize(deserializer).map(Some)
 }
 
 /// Bounds of what may be said of a job.

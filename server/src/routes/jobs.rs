@@ -249,8 +249,8 @@ pub(crate) async fn patch(
     Whole(body): Whole,
 ) -> Result<Response, Problem> {
     let patch: JobPatch = read_json(&body)?;
-    checked_name(patch.name.as_deref())?;
-    patch.metadata.as_ref().map_or(Ok(()), checked_metadata)?;
+    checked_name(patch.name.as_ref().and_then(Option::as_deref))?;
+    patch.metadata.as_ref().and_then(Option::as_ref).map_or(Ok(()), checked_metadata)?;
     let change = |job: &mut Job, _: &mut Vec<News>| {
         if let Some(priority) = patch.priority {
             if job.status != Status::Queued {
@@ -259,10 +259,10 @@ pub(crate) async fn patch(
             job.priority = priority;
         }
         if let Some(name) = patch.name {
-            job.name = Some(name);
+            job.name = name;
         }
         if let Some(metadata) = patch.metadata {
-            job.metadata = metadata;
+            job.metadata = metadata.unwrap_or_default();
         }
         Ok(())
     };

@@ -209,6 +209,17 @@ async fn what_waits_is_cancelled_paused_tried_again_and_deleted() {
     assert_problem(patch, 400, "malformed_json").await;
     let patch = send(&app, "PATCH", &format!("/jobs/{id}"), r#"{"name": "better"}"#).await;
     assert_eq!(json_of(patch).await["name"], "better");
+    let about = r#"{"name": "passing", "metadata": {"for": "a test"}}"#;
+    let patch = json_of(send(&app, "PATCH", &format!("/jobs/{id}"), about).await).await;
+    assert_eq!((&patch["name"], &patch["metadata"]["for"]), (&"passing".into(), &"a test".into()));
+    // What is left out stays, null takes away.
+    let patch = send(&app, "PATCH", &format!("/jobs/{id}"), r#"{"metadata": null}"#).await;
+    let patch = json_of(patch).await;
+    assert_eq!((&patch["name"], &patch["metadata"]), (&"passing".into(), &json!({})));
+    let patch = send(&app, "PATCH", &format!("/jobs/{id}"), r#"{"name": null}"#).await;
+    assert!(json_of(patch).await["name"].is_null());
+    let patch = send(&app, "PATCH", &format!("/jobs/{id}"), r#"{"name": "better"}"#).await;
+    assert_eq!(json_of(patch).await["name"], "better");
     let copy = json_of(act("clone").await).await;
     assert!(copy["id"] != id.as_str() && copy["name"] == "better");
     let events = json_of(send(&app, "GET", &format!("/jobs/{id}/events"), "").await).await;

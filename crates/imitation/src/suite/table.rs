@@ -4,10 +4,10 @@ use super::{Suite, paired};
 use crate::evaluation::Report;
 use std::fmt::Write;
 
-/// The counts, the comparisons with the first policy, how they moved, and why they failed.
+/// What was tried, the counts, the comparisons with the first policy, how they moved, and why they failed.
 pub fn table(suite: &Suite) -> String {
     let (policies, objects) = (suite.policies(), suite.objects());
-    let mut text = String::new();
+    let mut text = tried(suite);
     row(&mut text, "acts", objects.iter().map(|object| object.replace('_', " ")));
     row(&mut text, "---", objects.iter().map(|_| "---".to_owned()));
     for policy in &policies {
@@ -63,6 +63,30 @@ pub fn table(suite: &Suite) -> String {
     text
 }
 
+/// Attempts and seeds; which scene, and what acted in it, in the first digits of their hashes.
+fn tried(suite: &Suite) -> String {
+    let Some(Report { attempts, seed, scene_hash, .. }) = suite.reports.first() else {
+        return String::new();
+    };
+    let last = seed + (*attempts as u64).saturating_sub(1);
+    let digits = |hash: &str| hash.chars().take(8).collect::<String>();
+    let mut acts: Vec<String> = Vec::new();
+    for Report { policy, model_hash, .. } in &suite.reports {
+        // A planner acts by other grasps for each object.
+        let by = model_hash.as_deref().map_or(none(), digits);
+        let act = format!("{policy} {by}");
+        if !acts.contains(&act) {
+            acts.push(act);
+        }
+    }
+    format!(
+        "{attempts} attempts of each on each object, seeds {seed} to {last}, scene {}. Who acts, and the hash of what \
+         by: {}.\n\n![Shares of attempts that lifted](suite.svg)\n\n",
+        digits(scene_hash),
+        acts.join(", ")
+    )
+}
+
 fn row(text: &mut String, first: &str, cells: impl Iterator<Item = String>) {
     let cells: Vec<String> = cells.collect();
     // Writing to a string cannot fail.
@@ -94,6 +118,8 @@ mod tests {
             ],
         };
         let text = table(&suite);
+        assert!(text.starts_with("4 attempts of each on each object, seeds 0 to 3, scene scene."));
+        assert!(text.contains("by: ngf-pcd –, mlp-pcd –."), "{text}");
         assert!(
             text.contains("| ngf-pcd | 4 of 4 (51 to 100 %) | 2 of 4 (15 to 85 %) |"),
             "{text}"
