@@ -1,8 +1,7 @@
 //! Objects that come with the project, by family.
 
-use crate::Vec3;
 use crate::object::{Object, ObjectFile};
-use crate::sequence::spread;
+use crate::proportions::Proportions;
 
 /// An object file of the project.
 #[derive(Clone, Copy, Debug)]
@@ -88,7 +87,10 @@ impl Object {
         let (base, variant) = base_of(name)?;
         let entry = CATALOG.iter().find(|entry| entry.name == base)?;
         let object = entry.file().ok()?.object().ok()?;
-        if variant == 0 { Some(object) } else { object.scaled(name, proportions(variant)).ok() }
+        if variant == 0 {
+            return Some(object);
+        }
+        object.reshaped(name, &Proportions::of_variant(variant)).ok()
     }
 }
 
@@ -108,21 +110,10 @@ pub fn base_of(name: &str) -> Option<(&str, u32)> {
     }
 }
 
-/// Least and greatest factor of a variant's extents along x, y and z.
-const PROPORTIONS: [[f32; 2]; 3] = [[0.8, 1.1], [0.8, 1.1], [0.7, 1.1]];
-
-/// Factors of the extents of a variant, from 1: they fill [`PROPORTIONS`] evenly.
-fn proportions(variant: u32) -> Vec3 {
-    let share = spread(variant as usize - 1);
-    Vec3::from_array(std::array::from_fn(|axis| {
-        let [least, most] = PROPORTIONS[axis];
-        least + (most - least) * share[axis]
-    }))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Vec3;
     use std::collections::BTreeSet;
     use std::path::Path;
 
@@ -145,18 +136,17 @@ mod tests {
 
     #[test]
     fn variants_have_other_proportions_each() {
-        let size = |name: &str| {
-            let [min, max] = Object::built_in(name).unwrap().bounds;
-            max - min
-        };
+        let of = |name: &str| Object::built_in(name).unwrap();
+        let size = |object: &Object| object.bounds[1] - object.bounds[0];
+        let bleach = of("bleach");
         let names = ["bleach.1", "bleach.2", "bleach.3", "bleach.4"];
-        let ratios = names.map(|name| size(name) / size("bleach"));
-        for (i, ratio) in ratios.iter().enumerate() {
-            for (factor, [least, most]) in ratio.to_array().into_iter().zip(PROPORTIONS) {
-                assert!((least - 1e-4..=most + 1e-4).contains(&factor), "{ratio}");
-            }
-            let nearest = ratios[..i].iter().map(|other| ratio.distance(*other));
-            assert!(nearest.fold(1.0, f32::min) > 0.05, "{ratio} twice");
+        for (k, object) in names.map(of).iter().enumerate() {
+            let wanted = Proportions::of_variant(k as u32 + 1);
+            let ratio = size(object) / size(&bleach);
+            assert!((ratio - wanted.scale).abs().max_element() < 1e-4, "{ratio}, {wanted:?}");
+            // What sinks leaves less of a bottle, which narrows to the top, and its weight lower.
+            let low = |object: &Object| object.center_of_mass.z / size(object).z;
+            assert_eq!(low(object) < low(&bleach), wanted.sink > 0.0, "{wanted:?}");
         }
         for nonsense in ["bleach.", "bleach.0", "bleach.x", "teapot.1", "bleach.1.2"] {
             assert!(Object::built_in(nonsense).is_none(), "{nonsense}");

@@ -7,6 +7,7 @@ pub mod cloud;
 pub mod loft;
 pub mod mesh;
 pub mod object;
+pub mod proportions;
 pub mod sequence;
 pub mod solid;
 pub mod surface;

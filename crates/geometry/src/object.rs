@@ -2,6 +2,7 @@
 
 use crate::loft::Loft;
 use crate::mesh::{self, Mesh, MeshError};
+use crate::proportions::Proportions;
 use crate::{Pose, Vec3};
 use glamx::Quat;
 
@@ -135,13 +136,16 @@ impl Object {
         })
     }
 
-    /// The same shape with its extents along x, y and z multiplied by `scale`, as dense as before, but never heavier.
-    pub fn scaled(&self, name: &str, scale: Vec3) -> Result<Self, MeshError> {
-        let stretch = |points: &[Vec3]| points.iter().map(|point| *point * scale).collect();
-        let vertices = stretch(&self.mesh.vertices);
+    /// A like shape of other proportions, as dense as before, but never heavier.
+    pub fn reshaped(&self, name: &str, proportions: &Proportions) -> Result<Self, MeshError> {
+        let height = self.bounds[1].z;
+        let place =
+            |points: &[Vec3]| points.iter().map(|p| proportions.place(*p, height)).collect();
+        let vertices = place(&self.mesh.vertices);
         let mesh = Mesh { vertices, triangles: self.mesh.triangles.clone() };
-        let parts = self.parts.iter().map(|part| stretch(part)).collect();
-        let mass = self.mass * scale.element_product().min(1.0);
+        let parts = self.parts.iter().map(|part| place(part)).collect();
+        let share = mesh::solid(&mesh, true)?.volume / mesh::solid(&self.mesh, true)?.volume;
+        let mass = self.mass * share.min(1.0) as f32;
         Self::new(name, mesh, true, parts, mass, self.friction)
     }
 
@@ -171,16 +175,18 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_scaled_object_is_as_dense() {
+    fn a_reshaped_object_is_as_dense() {
         let object = Object::built_in("bleach").unwrap();
-        let small = object.scaled("small", Vec3::new(0.9, 0.8, 0.75)).unwrap();
+        let scaled = |scale: Vec3| Proportions { scale, sink: 0.0 };
+        let small = object.reshaped("small", &scaled(Vec3::new(0.9, 0.8, 0.75))).unwrap();
         let size = |object: &Object| object.bounds[1] - object.bounds[0];
         let ratio = size(&small) / size(&object);
         assert!((ratio - Vec3::new(0.9, 0.8, 0.75)).abs().max_element() < 1e-5, "{ratio}");
         assert!((small.mass - 0.54 * object.mass).abs() < 1e-5);
         let off = small.center_of_mass - object.center_of_mass * ratio;
         assert!(off.abs().max_element() < 1e-4, "{off}");
-        assert_eq!(object.scaled("large", Vec3::splat(1.2)).unwrap().mass, object.mass);
+        let large = object.reshaped("large", &scaled(Vec3::splat(1.2))).unwrap();
+        assert_eq!(large.mass, object.mass);
     }
 
     #[test]
