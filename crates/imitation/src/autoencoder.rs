@@ -1,4 +1,4 @@
-//! Training the autoencoder: Chamfer distance plus the squared norm of z (paper §III-D), and the moments of the whole
+//! Training the autoencoder: Chamfer distance plus the mean square of z (paper §III-D), and the moments of the whole
 //! object.
 
 use crate::fit::Fit;
@@ -29,7 +29,7 @@ pub struct AutoencoderConfig {
     pub shards: usize,
     /// Peak learning rate.
     pub rate: f32,
-    /// Weight of the squared norm of z.
+    /// Weight of the mean square of z.
     pub latent_weight: f64,
     /// Weight of the moments of the whole surface, read linearly from z ([`crate::moments`]).
     pub moment_weight: f64,
@@ -138,7 +138,7 @@ pub fn train(
         span: config.span,
         seed: config.seed,
         checkpoint: &out.join("encoder.checkpoint.safetensors"),
-        settings: serde_json::json!({ "training": config, "data": dataset.config }),
+        settings: serde_json::json!({ "training": config, "data": dataset.hash()? }),
     };
     if !fit.run(&params, &examples, |part| loss(&params, part, config), watcher)? {
         return Ok(());

@@ -161,8 +161,8 @@ fn loss(params: &Params, tree: &Tree, queries: &[&Query], tip_weight: f64) -> Re
 fn digest(queries: &[Query]) -> String {
     let mut hasher = blake3::Hasher::new();
     for query in queries {
-        for z in &query.z {
-            hasher.update(&z.to_le_bytes());
+        for x in inputs(&query.z, &query.palm) {
+            hasher.update(&x.to_le_bytes());
         }
         for q in &query.answer {
             hasher.update(&q.to_le_bytes());

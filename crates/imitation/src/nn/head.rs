@@ -160,7 +160,8 @@ impl CustomOp2 for Head {
         for ((row, resolved), (qd, g)) in rows.chunks_exact(PACKED).zip(&*resolved).zip(vectors) {
             match resolved {
                 Some(resolved) => out.extend(resolved.pull_back(row, &velocity(qd), &velocity(g))),
-                None => out.extend([0.0; PACKED]),
+                // A step along it is refused, and training ends with a word about it.
+                None => out.extend([f32::NAN; PACKED]),
             }
         }
         Ok((Some(Tensor::from_vec(out, packed.shape(), packed.device())?), None))
@@ -171,6 +172,19 @@ impl CustomOp2 for Head {
 mod tests {
     use super::*;
     use candle_core::{Device, Var};
+
+    #[test]
+    fn what_cannot_be_resolved_has_no_gradient() {
+        let mut rows = vec![0.1; 2 * PACKED];
+        rows[PACKED + 3] = f32::INFINITY;
+        let packed = Var::from_vec(rows, (2, PACKED), &Device::Cpu).unwrap();
+        let qd = Tensor::ones((2, DOF), candle_core::DType::F32, &Device::Cpu).unwrap();
+        let made = packed.apply_op2(&qd, Head::default()).unwrap();
+        let store = made.sum_all().unwrap().backward().unwrap();
+        let gradient = store.get(&packed).unwrap().to_vec2::<f32>().unwrap();
+        assert!(gradient[0].iter().all(|g| g.is_finite()));
+        assert!(gradient[1].iter().all(|g| g.is_nan()));
+    }
 
     #[test]
     fn it_is_the_head_that_runs() {

@@ -36,7 +36,7 @@ pub(crate) struct Options {
     /// Steps of roll-outs instead of the standard number; 1 is behaviour cloning.
     #[arg(long, value_name = "H", value_parser = at_least_one)]
     horizon: Option<usize>,
-    /// Learn from this many poses of each object only.
+    /// Learn from the first so many poses of each object only; the same ones are held out.
     #[arg(long, value_parser = at_least_one)]
     poses: Option<usize>,
 }
@@ -56,6 +56,10 @@ pub(super) fn train(options: &Options) -> Result<()> {
     config.rate = run.rate.unwrap_or(config.rate);
     config.span = run.checkpoint.map_or(config.span, |steps| steps as u64);
     config.horizon = options.horizon.unwrap_or(config.horizon);
+    if config.horizon == 1 {
+        // Behaviour cloning knows the demonstrations' own states.
+        config.start_share = 0.0;
+    }
     if begin.is_some() {
         // Its other networks have learned what F_ψ would not know of.
         config.potential_share = 0.0;
