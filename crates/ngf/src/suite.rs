@@ -50,8 +50,8 @@ struct Contestant {
     controller: Controller,
     friction: Option<f32>,
     model: PathBuf,
-    /// Hash of what it acts by, if that is not the model.
-    acts_by: Option<String>,
+    /// Hash of what else it acts by: the demonstrations that are played back.
+    library: Option<String>,
 }
 
 /// Runs what is missing and writes the report.
@@ -72,12 +72,16 @@ pub(crate) fn run(options: &Options) -> Result<()> {
     for who in &contestants {
         let model_hash = load(&mut workcell, &who.model.to_string_lossy())?;
         for (name, object) in &objects {
-            let mut acts_by = who.acts_by.clone().unwrap_or_else(|| model_hash.clone());
-            if matches!(who.controller, Controller::Planner) {
-                // It knows the grasps of built-in objects only.
-                let Some(set) = built_in(name) else { continue };
-                acts_by = blake3::hash(&serde_json::to_vec(&set.grasps)?).to_hex().to_string();
-            }
+            let acts_by = match (&who.controller, &who.library) {
+                (Controller::Planner, _) => {
+                    // It knows the grasps of built-in objects only.
+                    let Some(set) = built_in(name) else { continue };
+                    hash_of(&[&serde_json::to_vec(&set.grasps)?])
+                }
+                // The model says which one is played back.
+                (_, Some(library)) => hash_of(&[library.as_bytes(), model_hash.as_bytes()]),
+                _ => model_hash.clone(),
+            };
             let cell = Cell { options, who, name, acts_by: &acts_by };
             found.reports.push(cell.report(&workcell, object)?);
         }
@@ -115,14 +119,14 @@ fn contestants(models: &Path, data: Option<&Path>) -> Result<Vec<Contestant>> {
         controller: Controller::Policy,
         friction: None,
         model: models.join(name),
-        acts_by: None,
+        library: None,
     };
     let control = |label: &str, controller, friction| Contestant {
         label: label.to_owned(),
         controller,
         friction,
         model: models.join(first),
-        acts_by: None,
+        library: None,
     };
     let mut all: Vec<Contestant> = there.iter().map(policy).collect();
     all.push(control("planner", Controller::Planner, None));
@@ -130,7 +134,7 @@ fn contestants(models: &Path, data: Option<&Path>) -> Result<Vec<Contestant>> {
         let dataset = Dataset::open(data)?;
         let library = Arc::new(training::library(&dataset)?);
         let play_back = control("play-back", Controller::Nearest(library), None);
-        all.push(Contestant { acts_by: Some(dataset.hash()?), ..play_back });
+        all.push(Contestant { library: Some(dataset.hash()?), ..play_back });
     }
     all.extend([
         control("no policy", Controller::Script, None),
@@ -139,6 +143,14 @@ fn contestants(models: &Path, data: Option<&Path>) -> Result<Vec<Contestant>> {
         control("friction 0", Controller::Policy, Some(0.0)),
     ]);
     Ok(all)
+}
+
+fn hash_of(parts: &[&[u8]]) -> String {
+    let mut hasher = blake3::Hasher::new();
+    for part in parts {
+        hasher.update(part);
+    }
+    hasher.finalize().to_hex().to_string()
 }
 
 /// Whether a policy has the sizes and scales of the one that is named so; where its bowl rests comes from the data.
