@@ -30,7 +30,7 @@ async function grasp(page, seed) {
 test("the slider shows any moment again, and playing goes on from there", async () => {
   const { page, complaints } = await visit(served);
   await untilReady(page);
-  await grasp(page, 0);
+  const { words } = await grasp(page, 0);
   const last = Number(await page.inputValue("#timeline"));
   assert.ok(last > 60 && last === Number(await page.getAttribute("#timeline", "max")));
   await page.click("#phases [data-phase=policy] button");
@@ -43,6 +43,7 @@ test("the slider shows any moment again, and playing goes on from there", async 
   await page.waitForSelector("[data-phase=policy].is-now");
   await page.click("#pause");
   await page.waitForSelector("[data-phase=verdict].is-now");
+  assert.equal(await page.textContent("#headline"), words, "what it came to is said again");
   assert.equal(await page.textContent("#tally"), "1 of 1 lifted", "looking again counts nothing");
   assert.deepEqual(complaints, []);
   await page.close();
@@ -76,6 +77,16 @@ test("a second policy beside the first is given the same, and layers are drawn",
   await screenshot(page, "comparison");
   await page.click("#new-pose");
   for (const who of ["#who-1", "#who-2"]) assert.equal(await page.textContent(who), "default", "what an attempt came to goes with it");
+  await page.selectOption("#compare", "");
+  await page.waitForSelector("#view-2", { state: "hidden" });
+  // Asked for before the second policy is there, an attempt waits for it, and is not the planner's.
+  await page.focus("#compare");
+  await page.waitForSelector("#compare [value=mlp-pcd]", { state: "attached" });
+  await page.selectOption("#compare", "mlp-pcd");
+  assert.equal(await page.textContent("#who-2"), "mlp-pcd: loading");
+  await page.click("#grasp");
+  await page.waitForFunction(() => /^mlp-pcd: [A-Z]/.test(document.getElementById("who-2").textContent));
+  assert.equal(await page.locator(".failures [data-code]").count(), 0);
   await page.selectOption("#compare", "");
   await page.waitForSelector("#view-2", { state: "hidden" });
   assert.deepEqual(complaints, []);

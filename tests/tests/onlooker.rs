@@ -85,6 +85,25 @@ fn pulling_tears_the_object_out_of_the_hand_and_is_remembered() {
 }
 
 #[test]
+fn a_pull_while_time_stands_still_changes_nothing() {
+    let (workcell, object) = (workcell(), Object::built_in("sugar_box").unwrap());
+    let end = |is_pulled: bool| {
+        let mut attempt = begin(&workcell, &object);
+        while attempt.phase() != Phase::Policy {
+            attempt.tick(&workcell);
+        }
+        if is_pulled {
+            attempt.pull(Some((Vec3::ZERO, Vec3::new(0.6, 0.6, 0.6))));
+            attempt.pull(None);
+        }
+        attempt.run(&workcell);
+        assert!(!attempt.was_pulled());
+        attempt.state_hash()
+    };
+    assert_eq!(end(true), end(false));
+}
+
+#[test]
 fn after_the_verdict_the_world_goes_on_and_the_verdict_stays() {
     let (workcell, object) = (workcell(), Object::built_in("sugar_box").unwrap());
     let mut attempt = begin(&workcell, &object);

@@ -79,15 +79,22 @@ pub(crate) fn read(file_name: &str, bytes: &[u8], told: Told) -> Result<Loaded, 
     let Import { mesh, unit, healing } = import;
     let solid = mesh::solid(&mesh, healing.watertight).map_err(unusable)?;
     let mut notes = notes(&healing, solid.from_hull);
-    let guessed = (DENSITY * solid.volume).clamp(MASSES[0], MASSES[1]) as f32;
+    let guessed = DENSITY * solid.volume;
+    let [least, most] = MASSES;
     let mass = told.mass_kg.filter(|kg| kg.is_finite() && *kg > 0.0).unwrap_or_else(|| {
-        notes.push(format!("Mass assumed from {DENSITY} kg/m³."));
-        guessed
+        notes.push(match guessed {
+            kg if kg < least => format!("Mass assumed: {least} kg at least."),
+            kg if kg > most => format!("Mass assumed: {most} kg at most, what a hand can lift."),
+            _ => format!("Mass assumed from {DENSITY} kg/m³."),
+        });
+        guessed.clamp(least, most) as f32
     });
     let mut rests = mesh::rests(&mesh.vertices, solid.center);
+    // What is round has many sides, each steadier than to stand upright.
+    let stays = rests.is_empty() || rests.iter().any(mesh::Rest::is_as_it_is);
     rests.truncate(MOST_RESTS);
     let stands = told.stands.unwrap_or_else(|| {
-        if rests.is_empty() || rests.iter().any(mesh::Rest::is_as_it_is) {
+        if stays {
             return Stands::AsInFile;
         }
         notes.push(
@@ -218,6 +225,25 @@ mod tests {
         let volume = 0.04 * 0.06 * 0.12;
         assert!((f64::from(report.mass_kg) - DENSITY * volume).abs() < 1e-4, "{}", report.mass_kg);
         assert!((report.extent_cm[2] - 12.0).abs() < 1e-3);
+    }
+
+    #[test]
+    fn a_slender_bottle_stays_upright_however_many_sides_it_has() {
+        // Eight sides, on each of which it would stand more steadily.
+        let ring = |z: f32| {
+            (0..8).map(move |k| {
+                let (sin, cos) = libm::sincosf(std::f32::consts::TAU * k as f32 / 8.0);
+                format!("v {} {} {z}\n", 30.0 * cos, 30.0 * sin)
+            })
+        };
+        let caps = ["f 8 7 6 5 4 3 2 1\n", "f 9 10 11 12 13 14 15 16\n"].map(str::to_owned);
+        let side =
+            |k: usize| format!("f {} {} {} {}\n", k + 1, (k + 1) % 8 + 1, (k + 1) % 8 + 9, k + 9);
+        let text: String =
+            ring(0.0).chain(ring(200.0)).chain(caps).chain((0..8).map(side)).collect();
+        let report = read("bottle.obj", text.as_bytes(), Told::default()).unwrap().report;
+        assert_eq!((report.stands, report.sides), (Some(Stands::AsInFile), MOST_RESTS));
+        assert!((report.extent_cm[2] - 20.0).abs() < 1e-3 && report.watertight);
     }
 
     #[test]

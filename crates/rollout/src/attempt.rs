@@ -11,7 +11,7 @@ use crate::workcell::{RolloutError, Workcell};
 use geometry::Vec3;
 use geometry::object::Object;
 use grasps::{Robot, demonstration, place};
-use policy::Encoding;
+use policy::{Encoding, Model};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use robot::{JointState, JointVector, integrator};
@@ -128,6 +128,7 @@ impl Attempt {
         if self.phase == Phase::Done {
             return;
         }
+        self.was_pulled |= self.is_pulled;
         self.phase_ticks += 1;
         let Some(next) = self.next_state(workcell) else { return };
         self.scene.follow(&self.state, &next);
@@ -149,7 +150,7 @@ impl Attempt {
     }
 
     fn controlled(&mut self, workcell: &Workcell) -> Option<JointState> {
-        let (Some(model), Some(object)) = (&workcell.model, &self.encoding) else {
+        let Some((model, object)) = self.network(workcell) else {
             return Some(JointState::at_rest(self.state.q));
         };
         let state = match self.controller {
@@ -241,18 +242,22 @@ impl Attempt {
         Motion::of(&self.acted())
     }
 
+    /// The model that acts, if one does, and what it is told of the object.
+    fn network<'a>(&'a self, workcell: &'a Workcell) -> Option<(&'a Model, &'a Encoding)> {
+        let known = workcell.model.as_ref().zip(self.encoding.as_ref());
+        known.filter(|_| self.controller.is_of_model())
+    }
+
     /// The present moment.
     pub fn moment(&self, workcell: &Workcell) -> Moment {
-        let acts = workcell.model.as_ref().zip(self.encoding.as_ref());
-        Moment::of(&self.state, &workcell.robot.tree.limits, acts)
+        Moment::of(&self.state, &workcell.robot.tree.limits, self.network(workcell))
     }
 
     /// The moments between start and lift, a control period apart; none if the controller did not come to act.
     pub fn course(&self, workcell: &Workcell) -> Vec<Moment> {
         let limits = &workcell.robot.tree.limits;
-        let is_acting = self.controller.is_of_model();
-        let acts = workcell.model.as_ref().zip(self.encoding.as_ref()).filter(|_| is_acting);
-        self.acted().iter().map(|state| Moment::of(state, limits, acts)).collect()
+        let moment = |state: &JointState| Moment::of(state, limits, self.network(workcell));
+        self.acted().iter().map(moment).collect()
     }
 
     /// The recording so far.

@@ -2,7 +2,6 @@
 //! and pulling at it.
 
 use crate::attempt::Attempt;
-use crate::phases::Phase;
 use crate::workcell::Workcell;
 use geometry::{Vec3, cloud};
 use policy::encoding::from_front;
@@ -34,13 +33,12 @@ impl Attempt {
     }
 
     /// Pulls at a point of the object (its frame, m) towards a point (m), or lets go. An attempt that somebody pulled at
-    /// is no longer its seed.
+    /// while time went on is no longer its seed.
     pub fn pull(&mut self, pull: Option<(Vec3, Vec3)>) {
         let spring =
             |(point, towards)| Pull { point, towards, stiffness: STIFFNESS, most: MOST_FORCE };
         self.scene.pull(pull.map(spring));
         self.is_pulled = pull.is_some();
-        self.was_pulled |= self.is_pulled && self.phase != Phase::Done;
     }
 
     /// Whether somebody pulls now.

@@ -83,9 +83,10 @@ impl Stage {
 /// Why an attempt cannot begin.
 pub(crate) fn cannot_begin(error: &RolloutError) -> Failure {
     let (code, cure) = match error {
-        RolloutError::NoGrasps(_) | RolloutError::NoModel => {
-            ("policy_missing", "Choose another object, or train a policy with `ngf train`.")
-        }
+        RolloutError::NoGrasps(_) | RolloutError::NoModel => (
+            "policy_missing",
+            "Search a grasp for it, which needs no policy; choose the sugar box; or load the page again for the policy.",
+        ),
         _ => ("attempt_impossible", "Choose another object."),
     };
     Failure { code, cause: format!("The attempt cannot begin: {error}."), cure: cure.into() }

@@ -15,7 +15,7 @@ export interface ComparisonEvents {
 }
 
 // What the second worker is not asked for.
-const ALONE = new Set<ToWorker["kind"]>(["model", "batch", "cancel", "export", "watch", "search"]);
+const ALONE = new Set<ToWorker["kind"]>(["model", "batch", "cancel", "export", "watch", "search", "follow"]);
 
 // What ends an attempt, and its verdict with it.
 const ENDS = new Set<ToWorker["kind"]>(["load", "upload", "place", "randomPose", "grasp", "follow", "reset"]);
@@ -27,6 +27,9 @@ export class Comparison {
   #engine: Engine | null = null;
   #view: View | null = null;
   #first = "";
+  // Whether the second policy is there, and the attempt that waits for it: begun before, it would be the planner's.
+  #isReady = false;
+  #grasp: ToWorker | null = null;
 
   constructor(events: ComparisonEvents) {
     this.#events = events;
@@ -45,13 +48,15 @@ export class Comparison {
   // Whatever the first worker is told.
   send(message: ToWorker): void {
     if (ALONE.has(message.kind) || !this.#engine) return;
-    this.#engine.send(message);
+    if (ENDS.has(message.kind)) this.#grasp = null;
+    if (message.kind === "grasp" && !this.#isReady) this.#grasp = message;
+    else this.#engine.send(message);
     if (ENDS.has(message.kind)) this.#showNames();
   }
 
-  // How the first one ended.
-  showVerdict({ words }: Verdict): void {
-    this.#names[0].textContent = `${this.#first}: ${words}`;
+  // How the first one ended, or what was played there.
+  showVerdict({ words, played }: Verdict): void {
+    this.#names[0].textContent = `${played?.what ?? this.#first}: ${words}`;
   }
 
   // The viewer of the first picture has moved.
@@ -65,7 +70,8 @@ export class Comparison {
 
   #showNames(): void {
     this.#names[0].textContent = this.#first;
-    this.#names[1].textContent = this.#choice.value;
+    const second = this.#choice.value;
+    this.#names[1].textContent = this.#isReady || second === "" ? second : COMPARISON.loading(second);
   }
 
   async #list(): Promise<void> {
@@ -80,7 +86,7 @@ export class Comparison {
 
   #start(id: string): void {
     this.#engine?.stop();
-    this.#engine = null;
+    [this.#engine, this.#isReady, this.#grasp] = [null, false, null];
     document.body.classList.toggle("is-compared", id !== "");
     this.#showNames();
     if (id === "") return;
@@ -88,6 +94,13 @@ export class Comparison {
     const engine = new Engine(useModel(id), (message) => this.#receive(message));
     this.#engine = engine;
     for (const message of this.#events.now()) engine.send(message);
+  }
+
+  #begin(): void {
+    this.#isReady = true;
+    this.#showNames();
+    if (this.#grasp) this.#engine?.send(this.#grasp);
+    this.#grasp = null;
   }
 
   #receive(message: FromWorker): void {
@@ -105,8 +118,13 @@ export class Comparison {
       case "cloud":
         view?.showCloud(message);
         break;
+      case "model":
+        // What failed is told already.
+        if (message.id === null) this.#start((this.#choice.value = ""));
+        else this.#begin();
+        break;
       case "verdict":
-        this.#names[1].textContent = `${this.#choice.value}: ${message.words}`;
+        this.#names[1].textContent = `${message.played?.what ?? this.#choice.value}: ${message.words}`;
         break;
       case "failure":
         if (isEnd(message)) this.#start((this.#choice.value = ""));

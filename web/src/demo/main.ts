@@ -65,14 +65,18 @@ const objects = new ObjectPicker({
   load,
   upload: (file) => {
     opening.stop();
-    void upload(file, arrival?.told);
+    void upload(file, corrections.get(file) ?? arrival?.told);
   },
   refused: (cause) => failures.show({ kind: "failure", code: "files_unreadable", ...FILES.unusable(cause) }),
   cut: (most) => failures.show({ kind: "failure", code: "files_left_out", ...FILES.cut(most) }),
 });
+// What was said of files, for when one is chosen again.
+const corrections = new WeakMap<File, Told>();
 const report = new ReportCard((part) => {
   const { file, lastTold } = situation;
-  if (file && lastTold) void upload(file, { ...lastTold, ...part });
+  if (!file || !lastTold) return;
+  corrections.set(file, { ...lastTold, ...part });
+  void upload(file, corrections.get(file));
 });
 const batch = new BatchPanel({
   send,

@@ -59,6 +59,7 @@ export const REPORT = {
 
 export const COMPARISON = {
   planner: "planner",
+  loading: (policy: string) => `${policy}: loading`,
   givenUp: "The comparison is closed; the attempt goes on. Choose the policy again to compare.",
 } as const;
 

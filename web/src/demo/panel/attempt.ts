@@ -108,12 +108,15 @@ export class AttemptPanel {
     this.#events.pose(this.#poseSeed);
   }
 
-  showFrame({ phase, played }: Frame): void {
+  showFrame({ phase, played, marks }: Frame): void {
+    // Looking back at an attempt that has ended changes nothing of how it did.
+    if (this.#verdict && !marks.some(([phase]) => phase === "verdict")) this.#verdict = null;
     if (phase === this.#phase && played?.what === this.#played?.what) return;
     if (this.#played && !played) this.#hash.hidden = true;
     [this.#phase, this.#played] = [phase, played];
-    if (phase !== "verdict") {
-      this.#verdict = null;
+    if (phase === "verdict") {
+      if (this.#verdict) this.#headline.textContent = this.#verdict.words;
+    } else {
       const closes = played?.closes ?? ATTEMPT.closes(this.#actor ?? "policy");
       this.#headline.textContent = phase === "policy" ? closes : ATTEMPT.phases[phase];
       if (played) this.#note(ATTEMPT.noPolicy(played.what));
