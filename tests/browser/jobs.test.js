@@ -252,6 +252,18 @@ test("what was stopped is tried again, and asked for again with changes", async 
   await page.close();
 });
 
+test("an answer that was lost is asked for again", async () => {
+  const { id } = await long();
+  const { page } = await visitJobs(`#jobs/${id}`);
+  await stands(page, "running");
+  let asked = 0;
+  await page.route(`**/api/v1/jobs/${id}`, (route) => (asked++ < 2 ? route.abort() : route.continue()));
+  await stop(id);
+  await stands(page, "cancelled");
+  assert.ok(asked > 2, String(asked));
+  await page.close();
+});
+
 test("a job that fails says why, and what to do", async () => {
   // It waits behind another one while its mesh is deleted.
   const other = await long();

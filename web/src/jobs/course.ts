@@ -10,6 +10,8 @@ export class Course {
   readonly id: string;
   columns: Columns = { step: [], wall: [] };
   #began: number;
+  // What was measured while the rest is fetched.
+  #meanwhile: JobEvent[] | null = null;
 
   constructor(id: string, began: number) {
     this.id = id;
@@ -17,12 +19,19 @@ export class Course {
   }
 
   async fetch(): Promise<void> {
-    this.columns = await ask<Columns>(`jobs/${this.id}/metrics?max_points=${MOST}`);
+    const meanwhile: JobEvent[] = (this.#meanwhile = []);
+    try {
+      this.columns = await ask<Columns>(`jobs/${this.id}/metrics?max_points=${MOST}`);
+    } finally {
+      this.#meanwhile = null;
+    }
     this.columns["wall"] ??= [];
+    for (const event of meanwhile) this.add(event);
   }
 
   // Adds what was measured just now; true if it was new.
   add(event: JobEvent): boolean {
+    this.#meanwhile?.push(event);
     const { step, ...values } = event.data as { step?: number };
     const steps = this.columns["step"] ?? [];
     if (typeof step !== "number") return false;

@@ -2,13 +2,14 @@
 // asked for. Those are listed that a filter wants and that the pages so far have come to.
 
 import { API, ask, type List, Refused } from "../common/api";
-import type { Job, JobEvent } from "./types";
+import { ENDED, type Job, type JobEvent } from "./types";
 
 const TYPES: JobEvent["type"][] = ["status", "progress", "metric", "log", "checkpoint", "artifact", "alert"];
 const PAGE = 100;
 // What changes faster is shown at most so often (ms).
 const CALM = 250;
-// A stream that the server ended is asked for again after this (ms); one that broke comes back by itself.
+// A stream that the server ended, and an answer that was lost, is asked for again after this (ms); a stream that broke
+// comes back by itself.
 const AGAIN = 2000;
 
 export type Connection = "connecting" | "live" | "lost";
@@ -109,10 +110,10 @@ export class Feed {
   }
 
   #connected(state: Connection): void {
-    const wasLost = this.connection === "lost";
     this.connection = state;
     for (const listener of this.#listeners) listener.connection?.(state);
-    if (wasLost && state === "live") for (const id of this.jobs.keys()) this.#refresh(id);
+    // What happened before the stream was open; what is over has nothing to tell.
+    if (state === "live") for (const { id, status } of this.jobs.values()) if (!ENDED.includes(status)) this.#refresh(id);
   }
 
   #receive(event: JobEvent): void {
@@ -158,6 +159,7 @@ export class Feed {
 
   async #update(): Promise<void> {
     const stale = [...this.#stale];
+    const lost: string[] = [];
     this.#stale.clear();
     await Promise.all(
       stale.map(async (id) => {
@@ -166,9 +168,12 @@ export class Feed {
         } catch (error) {
           const isGone = error instanceof Refused && error.problem.status === 404;
           if (isGone && this.jobs.delete(id)) this.#changed.add(id);
+          // The event that made it stale may have been its last.
+          if (!isGone) lost.push(id);
         }
       }),
     );
+    if (lost.length > 0) setTimeout(() => lost.forEach((id) => this.#refresh(id)), AGAIN);
     const changed = this.#changed;
     this.#changed = new Set();
     for (const listener of this.#listeners) listener.jobs?.(changed);
