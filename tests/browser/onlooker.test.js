@@ -75,6 +75,13 @@ test("what is held can be pulled at afterwards, and the verdict stays", async ()
   await page.waitForFunction((before) => Number(document.getElementById("timeline").max) > before + 10, before);
   await page.mouse.up();
   await page.keyboard.up("Control");
+  // What is let go does not hang in the air: the world goes on for a while, and no longer.
+  const released = await ticks();
+  await page.waitForFunction((released) => Number(document.getElementById("timeline").max) > released + 20, released);
+  await page.waitForTimeout(4000);
+  const settled = await ticks();
+  await page.waitForTimeout(500);
+  assert.equal(await ticks(), settled);
   assert.equal(await page.textContent("#hash"), told);
   assert.ok(await page.isEnabled("#copy-link"));
   assert.deepEqual(complaints, []);

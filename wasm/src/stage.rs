@@ -32,6 +32,8 @@ pub(crate) struct Stage {
     /// The seed that the pose was drawn from, unless the object was placed by hand.
     pose_seed: Option<u32>,
     attempt: Option<Attempt>,
+    /// Control periods that the world still goes on for: what was let go after the verdict comes to rest.
+    settling: usize,
     history: History,
     /// Whether the terms of the fabric are wanted.
     pub(crate) is_watched: bool,
@@ -43,6 +45,9 @@ pub(crate) struct Stage {
     /// By the hashes of model and object.
     attempts: BTreeMap<(Option<String>, String), Attempts>,
 }
+
+/// Control periods, a second and a half, in which what falls from the hand comes to rest.
+const SETTLING: usize = 45;
 
 impl Stage {
     /// The standard scene with the first built-in object, where seed 0 puts it.
@@ -67,6 +72,7 @@ impl Stage {
             history,
             is_watched,
             is_told,
+            settling: 0,
             played,
             seed,
             attempts,
@@ -143,7 +149,7 @@ impl Stage {
 
     /// Ends the attempt, if there is one: the robot is home, the object where it was.
     pub(crate) fn reset(&mut self) {
-        (self.attempt, self.played) = (None, None);
+        (self.attempt, self.played, self.settling) = (None, None, 0);
         self.history.clear();
     }
 
@@ -190,7 +196,7 @@ impl Stage {
 
     /// Whether an attempt is under way, or is looked at again.
     pub(crate) fn is_busy(&self) -> bool {
-        let goes_on = |attempt: &Attempt| attempt.verdict().is_none() || attempt.is_pulled();
+        let goes_on = |attempt: &Attempt| attempt.verdict().is_none() || self.settling > 0;
         let is_under_way = self.attempt.as_ref().is_some_and(goes_on);
         is_under_way || self.history.is_behind()
     }
@@ -204,6 +210,10 @@ impl Stage {
                 None => attempt.tick(&self.workcell),
                 Some(_) => attempt.linger(),
             }
+            self.settling = match attempt.is_pulled() {
+                true => SETTLING,
+                false => self.settling.saturating_sub(1),
+            };
             self.record();
         }
     }
@@ -215,6 +225,7 @@ impl Stage {
         let pull = pull.and_then(|Pull { point, towards }| vector(point).zip(vector(towards)));
         attempt.pull(pull);
         if pull.is_some() {
+            self.settling = SETTLING;
             self.history.seek(usize::MAX);
         }
     }

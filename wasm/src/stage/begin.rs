@@ -74,6 +74,7 @@ impl Stage {
         let likeness = attempt.unlikeness(&self.workcell).map(likeness::words);
         self.attempt = Some(attempt);
         self.is_told = false;
+        self.settling = 0;
         self.history.clear();
         self.record();
         Cloud { points, reconstruction, likeness }
