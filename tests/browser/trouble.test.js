@@ -119,8 +119,9 @@ test("by keyboard alone a mesh is brought, grasped and shared", async () => {
     }
     throw new Error(`Tab does not lead to ${id}`);
   };
-  await tabTo("upload");
+  // Early: from the first listener on the browser hands over what it would show, and takes its time to begin with it.
   const chooser = page.waitForEvent("filechooser");
+  await tabTo("upload");
   await page.keyboard.press("Enter");
   await (await chooser).setFiles({ name: "box.obj", mimeType: "model/obj", buffer: Buffer.from(BOX) });
   await page.waitForFunction(() => document.getElementById("report-size").textContent.startsWith("4.0"));
