@@ -14,13 +14,14 @@ const HEIGHT: f32 = 240.0;
 const TOP: f32 = 28.0;
 const LEFT: f32 = 44.0;
 
-/// Bars of success for each object, with Wilson's intervals; the first `policies` in colour, controls after them.
+/// Bars of success for each object, with Wilson's intervals; the first `policies` in colour, controls after them. Numbers
+/// lead from bars to names.
 pub fn figure(suite: &Suite, policies: usize) -> String {
     let (who, objects) = (suite.policies(), suite.objects());
     let group = who.len() as f32 * BAR + GAP;
     let width = LEFT + objects.len() as f32 * group;
     let legend = 18.0 * who.len() as f32;
-    let mut canvas = Canvas::new(width.max(360.0), TOP + HEIGHT + 40.0 + legend);
+    let mut canvas = Canvas::new(width.max(360.0), TOP + HEIGHT + 54.0 + legend);
     let y = |share: f64| TOP + HEIGHT * (1.0 - share as f32);
     for percent in [0, 25, 50, 75, 100] {
         let at = y(f64::from(percent) / 100.0);
@@ -30,21 +31,28 @@ pub fn figure(suite: &Suite, policies: usize) -> String {
     let color = |i: usize| if i < policies { COLORS[i % COLORS.len()] } else { "#b0b0b0" };
     for (k, object) in objects.iter().enumerate() {
         let left = LEFT + k as f32 * group;
-        canvas.text([left, TOP + HEIGHT + 18.0], 12.0, INK, &object.replace('_', " "));
+        canvas.text([left, TOP + HEIGHT + 32.0], 12.0, INK, &object.replace('_', " "));
         for (i, policy) in who.iter().enumerate() {
             let Some(report) = suite.report(policy, object) else { continue };
             let share = report.lifted as f64 / report.attempts.max(1) as f64;
             let x = left + i as f32 * BAR;
             canvas.rectangle([x, y(share)], [BAR - 4.0, y(0.0) - y(share)], color(i));
+            let number = (i + 1).to_string();
+            canvas.text(
+                [x + 6.0 - 2.5 * (number.len() - 1) as f32, y(0.0) + 13.0],
+                10.0,
+                QUIET,
+                &number,
+            );
             let middle = x + 0.5 * (BAR - 4.0);
             let [low, high] = report.wilson95;
             canvas.path(&[[middle, y(low)], [middle, y(high)]], INK, 1.2);
         }
     }
     for (i, policy) in who.iter().enumerate() {
-        let at = TOP + HEIGHT + 34.0 + 18.0 * i as f32;
+        let at = TOP + HEIGHT + 48.0 + 18.0 * i as f32;
         canvas.rectangle([LEFT, at], [12.0, 12.0], color(i));
-        canvas.text([LEFT + 18.0, at + 10.0], 12.0, INK, policy);
+        canvas.text([LEFT + 18.0, at + 10.0], 12.0, INK, &format!("{} {policy}", i + 1));
     }
     canvas.svg("Attempts that lifted, with 95 % intervals")
 }
@@ -60,6 +68,6 @@ mod tests {
         let svg = figure(&Suite { reports }, 1);
         let bar = format!("height=\"{:.1}\"", 0.75 * HEIGHT);
         assert!(svg.contains(&bar) && svg.contains(COLORS[0]), "{svg}");
-        assert!(svg.contains("ngf-pcd") && svg.contains("75 %"));
+        assert!(svg.contains("1 ngf-pcd") && svg.contains("75 %"));
     }
 }
