@@ -51,7 +51,7 @@ struct Contestant {
     friction: Option<f32>,
     model: PathBuf,
     /// Hash of what else it acts by: the demonstrations that are played back.
-    library: Option<String>,
+    demonstrations: Option<String>,
 }
 
 /// Runs what is missing and writes the report.
@@ -72,14 +72,16 @@ pub(crate) fn run(options: &Options) -> Result<()> {
     for who in &contestants {
         let model_hash = load(&mut workcell, &who.model.to_string_lossy())?;
         for (name, object) in &objects {
-            let acts_by = match (&who.controller, &who.library) {
+            let acts_by = match (&who.controller, &who.demonstrations) {
                 (Controller::Planner, _) => {
                     // It knows the grasps of built-in objects only.
                     let Some(set) = built_in(name) else { continue };
                     hash_of(&[&serde_json::to_vec(&set.grasps)?])
                 }
                 // The model says which one is played back.
-                (_, Some(library)) => hash_of(&[library.as_bytes(), model_hash.as_bytes()]),
+                (_, Some(demonstrations)) => {
+                    hash_of(&[demonstrations.as_bytes(), model_hash.as_bytes()])
+                }
                 _ => model_hash.clone(),
             };
             let cell = Cell { options, who, name, acts_by: &acts_by };
@@ -119,14 +121,14 @@ fn contestants(models: &Path, data: Option<&Path>) -> Result<Vec<Contestant>> {
         controller: Controller::Policy,
         friction: None,
         model: models.join(name),
-        library: None,
+        demonstrations: None,
     };
     let control = |label: &str, controller, friction| Contestant {
         label: label.to_owned(),
         controller,
         friction,
         model: models.join(first),
-        library: None,
+        demonstrations: None,
     };
     let mut all: Vec<Contestant> = there.iter().map(policy).collect();
     all.push(control("planner", Controller::Planner, None));
@@ -134,7 +136,7 @@ fn contestants(models: &Path, data: Option<&Path>) -> Result<Vec<Contestant>> {
         let dataset = Dataset::open(data)?;
         let library = Arc::new(training::library(&dataset)?);
         let play_back = control("play-back", Controller::Nearest(library), None);
-        all.push(Contestant { library: Some(dataset.hash()?), ..play_back });
+        all.push(Contestant { demonstrations: Some(dataset.hash()?), ..play_back });
     }
     all.extend([
         control("no policy", Controller::Script, None),

@@ -18,7 +18,7 @@ export interface ComparisonEvents {
 const ALONE = new Set<ToWorker["kind"]>(["model", "batch", "cancel", "export", "watch", "search", "follow"]);
 
 // What ends an attempt, and its verdict with it.
-const ENDS = new Set<ToWorker["kind"]>(["load", "upload", "place", "randomPose", "grasp", "follow", "reset"]);
+const ENDS = new Set<ToWorker["kind"]>(["load", "upload", "place", "randomPose", "grasp", "reset"]);
 
 export class Comparison {
   readonly #events: ComparisonEvents;
