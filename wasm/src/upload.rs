@@ -137,7 +137,7 @@ impl Loaded {
 }
 
 fn report_of(object: &Object, watertight: bool) -> Report {
-    let extent = object.bounds[1] - object.bounds[0];
+    let extent = object.size();
     Report {
         extent_cm: extent.to_array().map(|side| side * 100.0),
         mass_kg: object.mass,

@@ -13,6 +13,7 @@ use crate::store;
 use anyhow::{Context, Result, bail};
 use geometry::catalog::{base_of, exemplar_of};
 use geometry::object::Object;
+use geometry::proportions::Proportions;
 use geometry::surface;
 use grasps::search::{SearchConfig, search};
 use grasps::sides::all_sides;
@@ -85,23 +86,27 @@ impl Dataset {
     /// its family, or found by search.
     fn grasps_of(&self, robot: &Robot, name: &str, object: &Object) -> Result<GraspSet> {
         let (search_config, seed) = (SearchConfig::paper(robot), self.config.seed);
-        let carried = |from: &str| -> Result<Option<GraspSet>> {
+        let carried = |from: &str, variant: Option<u32>| -> Result<Option<GraspSet>> {
             let source = Object::built_in(from).zip(built_in::built_in(from));
-            let carry = |(base, set)| transfer(robot, &base, &set, object, &search_config, seed);
-            Ok(source.map(carry).transpose()?)
+            let Some((base, set)) = source else { return Ok(None) };
+            let proportions = match variant {
+                Some(variant) => Proportions::of_variant(variant),
+                None => Proportions::of_sizes(base.size(), object.size()),
+            };
+            Ok(Some(transfer(robot, &base, &set, object, &proportions, &search_config, seed)?))
         };
         // A mesh of somebody else's may have the name of one of ours.
         let ours = Object::built_in(name).filter(|ours| ours.hash() == object.hash());
         let own = match ours.and_then(|_| base_of(name)) {
             Some((base, 0)) => built_in::built_in(base),
-            Some((base, _)) => carried(base)?,
+            Some((base, variant)) => carried(base, Some(variant))?,
             None => None,
         };
         let exemplar = exemplar_of(name).filter(|exemplar| *exemplar != name);
         match (own, exemplar.filter(|_| self.config.grasps_by_family)) {
             (Some(own), None) => Ok(own),
             (Some(own), Some(exemplar)) => {
-                let first = carried(exemplar)?;
+                let first = carried(exemplar, None)?;
                 Ok(first.map_or(own.clone(), |first| first.followed_by(own)))
             }
             (None, _) => Ok(search(robot, object, &search_config, seed, |_| ())?.0),

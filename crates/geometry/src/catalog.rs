@@ -137,15 +137,14 @@ mod tests {
     #[test]
     fn variants_have_other_proportions_each() {
         let of = |name: &str| Object::built_in(name).unwrap();
-        let size = |object: &Object| object.bounds[1] - object.bounds[0];
         let bleach = of("bleach");
         let names = ["bleach.1", "bleach.2", "bleach.3", "bleach.4"];
         for (k, object) in names.map(of).iter().enumerate() {
             let wanted = Proportions::of_variant(k as u32 + 1);
-            let ratio = size(object) / size(&bleach);
+            let ratio = object.size() / bleach.size();
             assert!((ratio - wanted.scale).abs().max_element() < 1e-4, "{ratio}, {wanted:?}");
             // What sinks leaves less of a bottle, which narrows to the top, and its weight lower.
-            let low = |object: &Object| object.center_of_mass.z / size(object).z;
+            let low = |object: &Object| object.center_of_mass.z / object.size().z;
             assert_eq!(low(object) < low(&bleach), wanted.sink > 0.0, "{wanted:?}");
         }
         for nonsense in ["bleach.", "bleach.0", "bleach.x", "teapot.1", "bleach.1.2"] {

@@ -136,6 +136,11 @@ impl Object {
         })
     }
 
+    /// Extents of the bounding box (m).
+    pub fn size(&self) -> Vec3 {
+        self.bounds[1] - self.bounds[0]
+    }
+
     /// A like shape of other proportions, as dense as before, but never heavier.
     pub fn reshaped(&self, name: &str, proportions: &Proportions) -> Result<Self, MeshError> {
         let height = self.bounds[1].z;
@@ -179,8 +184,7 @@ mod tests {
         let object = Object::built_in("bleach").unwrap();
         let scaled = |scale: Vec3| Proportions { scale, sink: 0.0 };
         let small = object.reshaped("small", &scaled(Vec3::new(0.9, 0.8, 0.75))).unwrap();
-        let size = |object: &Object| object.bounds[1] - object.bounds[0];
-        let ratio = size(&small) / size(&object);
+        let ratio = small.size() / object.size();
         assert!((ratio - Vec3::new(0.9, 0.8, 0.75)).abs().max_element() < 1e-5, "{ratio}");
         assert!((small.mass - 0.54 * object.mass).abs() < 1e-5);
         let off = small.center_of_mass - object.center_of_mass * ratio;

@@ -39,6 +39,11 @@ impl Proportions {
         }
     }
 
+    /// Those of one bounding box (m, its extents) to another: shoulders stay where they are of the height.
+    pub fn of_sizes(from: Vec3, to: Vec3) -> Self {
+        Self { scale: to / from, sink: 0.0 }
+    }
+
     /// Where a point of an upright object of this height (m) goes.
     pub fn place(&self, point: Vec3, height: f32) -> Vec3 {
         let t = point.z / height;

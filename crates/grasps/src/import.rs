@@ -95,7 +95,7 @@ impl GraspFile {
 
     /// The file's grasps on `object`, joints in the robot's order.
     pub fn read(&self, tree: &Tree, object: &Object) -> Result<Vec<Imported>, ImportError> {
-        let wanted = (object.bounds[1] - object.bounds[0]).to_array();
+        let wanted = object.size().to_array();
         let found = self.size.map(|size| size * self.scale);
         let off = |i: usize| (found[i] - f64::from(wanted[i])).abs();
         if !(0..3).all(|i| off(i) <= SIZE_ERROR) {
@@ -170,7 +170,7 @@ mod tests {
     use crate::built_in::built_in;
 
     fn file(tree: &Tree, object: &Object) -> GraspFile {
-        let size = (object.bounds[1] - object.bounds[0]).to_array().map(|x| 10.0 * f64::from(x));
+        let size = object.size().to_array().map(|x| 10.0 * f64::from(x));
         let grasp = &built_in("sugar_box").unwrap().grasps[0];
         let at = grasp.object_from_palm.translation.vector * 10.0;
         let turn = grasp.object_from_palm.rotation.coords;

@@ -5,11 +5,12 @@
 
 use crate::grasp::Grasp;
 use crate::kind::{Scored, half_turn};
-use crate::proposal::{self, GRASP_CENTER, ProposalConfig};
+use crate::proposal::{self, ProposalConfig};
 use crate::search::{Search, SearchConfig};
 use crate::{GraspSet, Robot, cluster, tolerance};
 use geometry::object::Object;
-use robot::{Isometry, Vector, rotation};
+use geometry::proportions::Proportions;
+use robot::{ARM, Isometry, Vector, rotation};
 use scene::SceneError;
 
 /// Palm poses about the one that is carried over, of which the first reliable ones count.
@@ -19,7 +20,8 @@ const TRIES: usize = 40;
 /// could do with the next.
 const ENOUGH: usize = 3;
 
-/// Tries the grasps `set` of the object `from` on `object`; those that are reliable there keep their kinds and order.
+/// Tries the grasps `set` of the object `from` on `object`, which has these `proportions` of it; those that are reliable
+/// there keep their kinds and order.
 ///
 /// Grasps that were chosen by how they bear a hand beside its place must bear it here as well: one above the shoulder of a
 /// bottle may not, on a lower one. Of two sides of a kind, one may be found and the other not, by a hair; it is then tried
@@ -30,6 +32,7 @@ pub fn transfer(
     from: &Object,
     set: &GraspSet,
     object: &Object,
+    proportions: &Proportions,
     config: &SearchConfig,
     seed: u64,
 ) -> Result<GraspSet, SceneError> {
@@ -38,7 +41,7 @@ pub fn transfer(
     let mut tries = Tries { search, is_tolerant, lifted: 0, reliable: 0, confirmed: [0; 2] };
     let mut found = Vec::new();
     for grasp in &set.grasps {
-        let palm = carried(from, object, &grasp.object_from_palm);
+        let palm = carried(robot, from, proportions, grasp);
         found.push(tries.near(&palm, grasp)?);
     }
     for (i, grasp) in set.grasps.iter().enumerate() {
@@ -113,48 +116,69 @@ impl Tries<'_> {
     }
 }
 
-/// The pose of a palm whose grasp centre has the same place in the bounding box of `object` as in that of `from`.
-fn carried(from: &Object, object: &Object, object_from_palm: &Isometry) -> Isometry {
-    let size = |object: &Object| rotation::to_vector(object.bounds[1] - object.bounds[0]);
-    let factors = size(object).component_div(&size(from));
-    let center = object_from_palm.transform_point(&GRASP_CENTER.into()).coords;
-    // Boxes are centred in x and y and stand on z = 0: their frames are scaled alike.
-    let place: Vector = center.component_mul(&factors);
-    let shift = place - center;
-    Isometry::translation(shift.x, shift.y, shift.z) * object_from_palm
+/// Where the palm of a grasp of `from` comes when what it holds takes these proportions: it moves as the surface does
+/// between the fingertips and the thumb.
+///
+/// Not as the middle of the hand does: from above that is over the top, and a bottle's shoulder sinks where its top does
+/// not.
+fn carried(robot: &Robot, from: &Object, proportions: &Proportions, grasp: &Grasp) -> Isometry {
+    let held = held(robot, grasp);
+    let place = proportions.place(rotation::to_vec3(&held), from.bounds[1].z);
+    let shift = rotation::to_vector(place) - held;
+    Isometry::translation(shift.x, shift.y, shift.z) * grasp.object_from_palm
+}
+
+/// The middle between the fingertips and the thumb's where they touch (m, the object's frame).
+fn held(robot: &Robot, grasp: &Grasp) -> Vector {
+    let kinematics = robot.tree.kinematics(&robot::join(&[0.0; ARM], &grasp.touch));
+    let object_from_world = grasp.object_from_palm * kinematics.palm().inverse();
+    let [fingers @ .., thumb] = kinematics.tips();
+    let fingers = fingers.iter().sum::<Vector>() / fingers.len() as f64;
+    object_from_world.transform_point(&((fingers + thumb) / 2.0).into()).coords
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::built_in::built_in;
+    use geometry::Vec3;
 
     #[test]
-    fn a_palm_keeps_its_place_in_the_bounding_box_and_its_distance() {
-        let (from, to) = ("bleach", "bleach.2");
-        let [from, to] = [from, to].map(|name| Object::built_in(name).unwrap());
-        let palm = &built_in("bleach").unwrap().grasps[0].object_from_palm;
-        let moved = carried(&from, &to, palm);
-        let share = |object: &Object, palm: &Isometry| {
-            let center = palm.transform_point(&GRASP_CENTER.into()).coords;
-            center.component_div(&rotation::to_vector(object.bounds[1] - object.bounds[0]))
+    fn a_palm_moves_with_the_surface_that_its_fingers_hold() {
+        let robot = Robot::standard().unwrap();
+        let bleach = Object::built_in("bleach").unwrap();
+        let grasps = built_in("bleach").unwrap().grasps;
+        let down = |proportions: &Proportions, grasp: &Grasp| {
+            let moved = carried(&robot, &bleach, proportions, grasp);
+            assert_eq!(moved.rotation, grasp.object_from_palm.rotation);
+            grasp.object_from_palm.translation.vector - moved.translation.vector
         };
-        assert!((share(&from, palm) - share(&to, &moved)).norm() < 1e-6);
-        assert_eq!(moved.rotation, palm.rotation);
-        assert!(
-            (carried(&from, &from, palm).translation.vector - palm.translation.vector).norm()
-                < 1e-12
-        );
+        let same = Proportions { scale: Vec3::ONE, sink: 0.0 };
+        let sunk = Proportions { sink: 0.5, ..same };
+        let half = Proportions { scale: Vec3::splat(0.5), ..same };
+        for grasp in &grasps {
+            assert!(down(&same, grasp).norm() < 1e-7);
+            let by = down(&half, grasp);
+            assert!((by - held(&robot, grasp) / 2.0).norm() < 1e-7, "{by}");
+            // What is between bottom and top sinks by no more than sink / 4 of the height.
+            let by = down(&sunk, grasp);
+            assert!(by.xy().norm() < 1e-7 && (0.005..0.032).contains(&by.z), "{by}");
+        }
+        // From above, the palm is over the top; what its fingers hold is not.
+        let above = grasps.iter().find(|grasp| grasp.kind == 1).unwrap();
+        let top = f64::from(bleach.bounds[1].z);
+        assert!(above.object_from_palm.translation.z > top && held(&robot, above).z < top);
     }
 
     #[test]
     fn a_variant_is_grasped_as_its_object_is() {
         let robot = Robot::standard().unwrap();
         let [from, to] = ["sugar_box", "sugar_box.1"].map(|name| Object::built_in(name).unwrap());
+        let proportions = Proportions::of_variant(1);
         let mut set = built_in("sugar_box").unwrap();
         set.grasps.truncate(2);
         let config = SearchConfig::paper(&robot);
-        let found = transfer(&robot, &from, &set, &to, &config, 0).unwrap();
+        let found = transfer(&robot, &from, &set, &to, &proportions, &config, 0).unwrap();
         let kinds = |set: &GraspSet| set.grasps.iter().map(|g| g.kind).collect::<Vec<_>>();
         assert_eq!(kinds(&found), kinds(&set), "{found:?}");
         for (old, new) in set.grasps.iter().zip(&found.grasps) {
@@ -163,7 +187,7 @@ mod tests {
                 &new.object_from_palm.rotation,
             );
             assert!(turned < 1e-9, "turned by {turned} rad");
-            let wanted = carried(&from, &to, &old.object_from_palm);
+            let wanted = carried(&robot, &from, &proportions, old);
             assert!(cluster::distance(&wanted, &new.object_from_palm) < 1e-9);
         }
     }
@@ -179,7 +203,8 @@ mod tests {
         high.object_from_palm.translation.z += 0.3;
         set.grasps.push(high);
         let config = SearchConfig::paper(&robot);
-        let found = transfer(&robot, &object, &set, &object, &config, 0).unwrap();
+        let same = Proportions { scale: Vec3::ONE, sink: 0.0 };
+        let found = transfer(&robot, &object, &set, &object, &same, &config, 0).unwrap();
         let [one, other] = &found.grasps[..] else { panic!("{found:?}") };
         let turned = half_turn(&object, &one.object_from_palm);
         assert!(cluster::distance(&turned, &other.object_from_palm) < crate::kind::OTHER_SIDE);

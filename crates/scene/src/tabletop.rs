@@ -65,7 +65,7 @@ impl Tabletop {
             world,
             table,
             object: body,
-            object_size: object.bounds[1] - object.bounds[0],
+            object_size: object.size(),
             table_collider,
             object_colliders,
             object_points: object.parts.concat(),
