@@ -5,6 +5,8 @@
 
 use geometry::Vec3;
 use geometry::object::Object;
+use grasps::built_in::built_in;
+use grasps::cluster;
 use rollout::{Attempt, Controller, Phase, Verdict, Workcell};
 use scene::Simulation;
 use std::path::Path;
@@ -120,4 +122,17 @@ fn after_the_verdict_the_world_goes_on_and_the_verdict_stays() {
     assert_eq!((attempt.verdict().unwrap(), attempt.state_hash()), told);
     assert!(attempt.ticks() == ticks && attempt.scene().steps() > steps);
     assert_eq!(attempt.episode().replay(&workcell, &object).unwrap(), (Some(told.0), told.1));
+}
+
+#[test]
+fn a_report_tells_which_grasp_was_tried() {
+    let (workcell, object) = (workcell(), Object::built_in("sugar_box").unwrap());
+    let mut attempt = begin(&workcell, &object);
+    assert_eq!(attempt.object_from_palm(&workcell), None);
+    attempt.run(&workcell);
+    let palm = attempt.object_from_palm(&workcell).unwrap();
+    let grasps = built_in("sugar_box").unwrap().grasps;
+    let far = grasps.iter().map(|grasp| cluster::distance(&grasp.object_from_palm, &palm));
+    let least = far.fold(f64::INFINITY, f64::min);
+    assert!(least < 0.005, "{least} m from every grasp that the planner knows");
 }

@@ -3,6 +3,7 @@
 use anyhow::Result;
 use geometry::object::Object;
 use rayon::prelude::*;
+use robot::Isometry;
 use rollout::{Attempt, Controller, Motion, Verdict, Workcell};
 use std::collections::BTreeMap;
 
@@ -22,6 +23,9 @@ pub struct Row {
     /// How unlike what the encoder learned from the object looked ([`Attempt::unlikeness`], m), where one was asked.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub unlikeness: Option<f32>,
+    /// Where the hand came to hold it ([`Attempt::object_from_palm`]), as files of grasps have it: which grasp was tried.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub object_from_palm: Option<Isometry>,
 }
 
 /// The result of an evaluation.
@@ -86,6 +90,7 @@ pub fn evaluate(
                 state_hash: attempt.state_hash(),
                 motion: attempt.motion(),
                 unlikeness: attempt.unlikeness(workcell),
+                object_from_palm: attempt.object_from_palm(workcell),
             })
         })
         .collect::<Result<Vec<_>>>()?;

@@ -65,6 +65,7 @@ pub(crate) mod samples {
             state_hash: String::new(),
             motion: None,
             unlikeness: None,
+            object_from_palm: None,
         };
         let lifted = lifts.iter().filter(|lifts| **lifts).count();
         Report {

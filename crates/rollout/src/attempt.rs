@@ -14,7 +14,7 @@ use grasps::{Robot, demonstration, place};
 use policy::{Encoding, Model};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
-use robot::{JointState, JointVector, integrator};
+use robot::{Isometry, JointState, JointVector, integrator, rotation};
 use scene::config::{CONTROL_PERIOD, scene_hash};
 use scene::{Hold, Scene, Simulation};
 
@@ -240,6 +240,16 @@ impl Attempt {
     /// How the controller moved between start and lift, if it came to act.
     pub fn motion(&self) -> Option<Motion> {
         Motion::of(&self.acted())
+    }
+
+    /// Pose of the palm in the object, as it stood at the beginning, where the lift began; `None` if none did.
+    pub fn object_from_palm(&self, workcell: &Workcell) -> Option<Isometry> {
+        let row = self.targets.get(self.marks.lift?)?;
+        let robot = &workcell.robot;
+        let [x, y, yaw] = self.pose;
+        let world_from_object = rotation::to_isometry(&robot.config.upright(x, y, yaw));
+        let palm = robot.tree.kinematics(&state_of_row(row).q).palm();
+        Some(world_from_object.inverse() * palm)
     }
 
     /// The model that acts, if one does, and what it is told of the object.
