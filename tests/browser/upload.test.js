@@ -165,3 +165,31 @@ test("bad files each say what is wrong, and the scene goes on", async () => {
   assert.deepEqual(complaints, []);
   await page.close();
 });
+
+test("a mesh is there on the next visit, until it is removed", async () => {
+  const { page, complaints } = await visit(served);
+  await untilReady(page);
+  const brought = "#objects [value='file:box.obj']";
+  await page.setInputFiles("#file", [file("box.obj", BOX), file("bad.obj", "v 1")]);
+  await page.waitForSelector(`${brought}:checked`);
+  await page.click("#objects label:has-text('bad.obj')");
+  await page.waitForSelector('.failure:has-text("bad.obj")');
+  await page.reload();
+  await untilReady(page);
+  await page.waitForSelector(brought, { state: "attached" });
+  assert.equal(await page.locator("#objects [value='file:bad.obj']").count(), 0, "what cannot be read is not kept");
+  assert.ok(await page.isHidden("#remove"), "it does not stand there yet");
+  await page.click("#objects label:has-text('box.obj')");
+  await page.waitForFunction(() => document.getElementById("report-size").textContent === "4.0 × 6.0 × 12.0 cm");
+  await screenshot(page, "upload-kept");
+  await page.click("#remove");
+  await page.waitForFunction(() => document.getElementById("report-size").textContent !== "4.0 × 6.0 × 12.0 cm");
+  assert.equal(await page.locator(brought).count(), 0);
+  assert.ok(await page.isHidden("#remove"));
+  await page.reload();
+  await untilReady(page);
+  await page.waitForTimeout(500);
+  assert.equal(await page.locator(brought).count(), 0);
+  assert.deepEqual(complaints, []);
+  await page.close();
+});

@@ -1,8 +1,9 @@
-// Choosing an object: from the list, by button, dropped anywhere on the page, or pasted.
+// Choosing an object: from the list, by button, dropped anywhere on the page, or pasted. What was brought stays in the list.
 
 import { element, h } from "../../common/dom";
 import { dropped, readable } from "../files";
 import type { ObjectLoaded, Ready, Shape } from "../protocol";
+import { Shelf } from "../shelf";
 import { MOST } from "../zip";
 import { thumbnail } from "./thumbnail";
 
@@ -20,9 +21,12 @@ export class ObjectPicker {
   readonly #list = element("objects", HTMLFieldSetElement);
   readonly #button = element("upload", HTMLButtonElement);
   readonly #input = element("file", HTMLInputElement);
+  readonly #remove = element("remove", HTMLButtonElement);
+  readonly #shelf = new Shelf();
   // Files that were brought, by name: the last of a name counts.
   readonly #files = new Map<string, HTMLInputElement>();
   #selected: [string | null, string] = [null, ""];
+  #first = "";
 
   constructor(events: ObjectEvents) {
     this.#events = events;
@@ -36,12 +40,18 @@ export class ObjectPicker {
       const files = [...(clipboardData?.files ?? [])];
       if (files.length > 0) void this.#take(files);
     });
+    this.#remove.addEventListener("click", () => {
+      this.#drop(this.#selected[1]);
+      this.#events.load(this.#first);
+    });
     this.#acceptDrops();
+    void this.#restore();
   }
 
   show(objects: Ready["objects"]): void {
     this.#list.querySelectorAll("label.built-in").forEach((label) => label.remove());
     const first = this.#list.querySelector("label") ?? this.#button;
+    this.#first = objects[0]?.name ?? "";
     for (const { name, label, shape } of objects) {
       const choice = this.#choice(name, label, () => this.#events.load(name));
       picture(choice, shape);
@@ -64,6 +74,7 @@ export class ObjectPicker {
     for (const input of this.#list.querySelectorAll("input")) input.checked = input.value === name;
     const file = name === null ? this.#files.get(label) : undefined;
     if (file) file.checked = true;
+    this.#remove.hidden = !file;
   }
 
   #choice(value: string, label: string, chosen: () => void): HTMLLabelElement {
@@ -80,9 +91,19 @@ export class ObjectPicker {
 
   // Takes a file that is of no use from the list; what stood there still does.
   refuse(fileName: string): void {
+    this.#drop(fileName);
+    this.#mark(...this.#selected);
+  }
+
+  #drop(fileName: string): void {
     this.#files.get(fileName)?.closest("label")?.remove();
     this.#files.delete(fileName);
-    this.#mark(...this.#selected);
+    void this.#shelf.forget(fileName);
+  }
+
+  // What was brought on an earlier visit, but for what has been brought again since.
+  async #restore(): Promise<void> {
+    for (const file of await this.#shelf.files()) if (!this.#files.has(file.name)) this.add(file);
   }
 
   // The first one is shown, the others stand in the list.
@@ -97,7 +118,11 @@ export class ObjectPicker {
     if (files.length > MOST) this.#events.cut(MOST);
     files = files.slice(0, MOST);
     // What plays brings its own object.
-    for (const file of files) if (!file.name.endsWith(".json")) this.add(file);
+    for (const file of files) {
+      if (file.name.endsWith(".json")) continue;
+      this.add(file);
+      void this.#shelf.keep(file);
+    }
     const [first] = files;
     if (first) this.#events.upload(first);
   }
