@@ -62,6 +62,39 @@ test("what goes on inside is shown for every joint and over time", async () => {
   await page.close();
 });
 
+test("another policy is chosen, and the page comes back with it", async () => {
+  const { page, complaints } = await visit(served);
+  await untilReady(page);
+  const acts = (id) => page.waitForFunction((id) => document.getElementById("model").textContent.startsWith(`Policy "${id}"`), id);
+  await acts("default");
+  await page.focus("#policy");
+  await page.waitForSelector("#policy [value=mlp-pcd]", { state: "attached" });
+  await page.selectOption("#policy", "mlp-pcd");
+  await acts("mlp-pcd");
+  assert.equal(new URL(page.url()).search, "?model=mlp-pcd");
+  await grasp(page, 0);
+  assert.match(await page.textContent("#hash"), /^Seed 0 /);
+  await page.reload();
+  await untilReady(page);
+  await acts("mlp-pcd");
+  assert.equal(await page.inputValue("#policy"), "mlp-pcd");
+  await page.locator("#policy").scrollIntoViewIfNeeded();
+  await screenshot(page, "policy");
+  // One that is gone since the list was made: the one before still acts.
+  await page.focus("#policy");
+  await page.waitForSelector("#policy [value=families]", { state: "attached" });
+  await page.route("**/families/**", (route) => route.fulfill({ status: 404 }));
+  await page.selectOption("#policy", "families");
+  await page.waitForSelector(".failures [data-code]");
+  await page.waitForFunction(() => document.getElementById("policy").value === "mlp-pcd");
+  await page.selectOption("#policy", "default");
+  await acts("default");
+  assert.equal(new URL(page.url()).search, "");
+  // What is gone shows in the console.
+  assert.ok(complaints.every((complaint) => /404|families/.test(complaint)), complaints.join());
+  await page.close();
+});
+
 test("a second policy beside the first is given the same, and layers are drawn", async () => {
   const { page, complaints } = await visit(served);
   await untilReady(page);

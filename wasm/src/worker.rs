@@ -25,6 +25,8 @@ struct Worker {
     batch: Option<Batch>,
     /// Whether a timer will call `wake`.
     is_awaited: bool,
+    /// The model that was asked for last: what comes later of another one is not wanted any more.
+    wanted: String,
 }
 
 thread_local! {
@@ -58,7 +60,13 @@ fn begin() -> Result<(), Failure> {
     let stage = Stage::new()?;
     post(&FromWorker::Ready(stage.ready()?));
     post(&FromWorker::Object(stage.object()));
-    let worker = Worker { stage, clock: Clock::new(), batch: None, is_awaited: false };
+    let worker = Worker {
+        stage,
+        clock: Clock::new(),
+        batch: None,
+        is_awaited: false,
+        wanted: String::new(),
+    };
     worker.show();
     WORKER.with(|cell| *cell.borrow_mut() = Some(worker));
     Ok(())
@@ -71,14 +79,20 @@ async fn fetch_model(id: String, base: String) {
         let progress = Progress { label, done, total: Some(total), unit: Amount::Bytes, finished };
         post(&FromWorker::Progress(progress));
     };
-    let fetched = match fetch::model(&id, &base, progress).await {
+    let fetched = fetch::model(&id, &base, progress).await;
+    let mut is_wanted = false;
+    with_worker(|worker| is_wanted = worker.wanted == id);
+    if !is_wanted {
+        return;
+    }
+    let loaded = match fetched {
         Ok(Some(files)) => load_model(&id, &files),
         // Before anything has been trained there is none, and the planner acts.
         Ok(None) if id == DEFAULT => Ok(()),
         Ok(None) => Err(no_model(&id)),
         Err(failure) => Err(failure),
     };
-    if let Err(failure) = fetched {
+    if let Err(failure) = loaded {
         post(&FromWorker::Failure(failure));
     }
     post(&FromWorker::Progress(Progress::end()));
@@ -121,6 +135,7 @@ impl Worker {
                 post(&FromWorker::Progress(Progress::end()));
             }
             ToWorker::Model { id, base } => {
+                self.wanted.clone_from(&id);
                 wasm_bindgen_futures::spawn_local(fetch_model(id, base));
             }
             ToWorker::Place { pose } => self.stage.place(pose),

@@ -1,7 +1,8 @@
 // A second policy beside the first: the same object, pose and seed in a worker and a picture of its own.
 
-import { element, h } from "../common/dom";
+import { element } from "../common/dom";
 import { Engine, givenUp, isEnd, useModel } from "./engine";
+import { fillWhenWanted } from "./policies";
 import type { Failure, FromWorker, ToWorker, Verdict } from "./protocol";
 import { COMPARISON } from "./strings";
 import type { Layer, View } from "./view/view";
@@ -34,9 +35,7 @@ export class Comparison {
   constructor(events: ComparisonEvents) {
     this.#events = events;
     this.#choice.addEventListener("change", () => this.#start(this.#choice.value));
-    // The list is fetched when somebody wants it.
-    this.#choice.addEventListener("pointerdown", () => void this.#list(), { once: true });
-    this.#choice.addEventListener("focus", () => void this.#list(), { once: true });
+    fillWhenWanted(this.#choice);
   }
 
   // Who acts in the first picture.
@@ -72,16 +71,6 @@ export class Comparison {
     this.#names[0].textContent = this.#first;
     const second = this.#choice.value;
     this.#names[1].textContent = this.#isReady || second === "" ? second : COMPARISON.loading(second);
-  }
-
-  async #list(): Promise<void> {
-    const answer = await fetch("api/v1/models").catch(() => null);
-    if (!answer?.ok) return;
-    const { data } = (await answer.json()) as { data: { id: string; kind?: string }[] };
-    const known = new Set([...this.#choice.options].map(({ value }) => value));
-    for (const { id, kind } of data) {
-      if (kind !== "encoder" && !known.has(id)) this.#choice.append(h("option", { value: id }, id));
-    }
   }
 
   #start(id: string): void {

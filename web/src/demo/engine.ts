@@ -22,7 +22,7 @@ export class Engine {
   #worker: Worker;
   // A worker hears nothing before it is ready: what is said meanwhile is kept.
   #waiting: ToWorker[] | null;
-  readonly #greeting: ToWorker;
+  #greeting: ToWorker;
   readonly #receive: (message: FromWorker) => void;
 
   // Every worker is told the greeting first.
@@ -37,6 +37,13 @@ export class Engine {
   send(message: ToWorker): void {
     if (this.#waiting) this.#waiting.push(message);
     else this.#worker.postMessage(message);
+  }
+
+  // What later workers are told first, too.
+  greet(greeting: ToWorker): void {
+    this.#greeting = greeting;
+    if (this.#waiting) this.#waiting[0] = greeting;
+    else this.send(greeting);
   }
 
   // Nobody listens any more.

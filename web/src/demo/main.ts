@@ -14,6 +14,7 @@ import { InsidePanel } from "./panel/inside";
 import { onKeys } from "./panel/keys";
 import { ObjectPicker } from "./panel/objects";
 import { Playback } from "./panel/playback";
+import { PolicyPicker } from "./panel/policy";
 import { PosePanel } from "./panel/pose";
 import { endProgress, showProgress } from "./panel/progress";
 import { ReportCard } from "./panel/report";
@@ -92,6 +93,10 @@ const comparison = new Comparison({
     return picture;
   },
   tell: (failure) => failures.show(failure),
+});
+const policy = new PolicyPicker(asked.model, (id) => {
+  opening.stop();
+  engine.greet(useModel(id));
 });
 const search = new SearchPanel({
   now: () => situation.now(),
@@ -276,10 +281,12 @@ async function showModel(model: Model): Promise<void> {
   batch.enable(true);
   share.hasModel(model);
   comparison.name(model.id);
-  arrival?.hasModel(model.hash);
+  policy.show(model.id);
   opening.hasModel();
   const isFirst = isFirstModel;
   isFirstModel = false;
+  // Whoever chooses another one since knows that the link is of another.
+  if (isFirst) arrival?.hasModel(model.hash);
   if (!isFirst || isCalm || !asked.brings || asked.plays) return;
   await brought;
   whenSeen(() => attempt.grasp());

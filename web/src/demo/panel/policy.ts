@@ -1,0 +1,27 @@
+// Which policy acts. The address says it too, so that the page comes back with the same one.
+
+import { element } from "../../common/dom";
+import { fillWhenWanted, offer } from "../policies";
+
+export class PolicyPicker {
+  readonly #choice = element("policy", HTMLSelectElement);
+
+  constructor(asked: string, choose: (id: string) => void) {
+    offer(this.#choice, asked);
+    this.#choice.value = asked;
+    fillWhenWanted(this.#choice);
+    this.#choice.addEventListener("change", () => choose(this.#choice.value));
+  }
+
+  // Who acts now: where another one could not be had, the one before still does.
+  show(id: string | null): void {
+    if (id === null) return;
+    offer(this.#choice, id);
+    this.#choice.value = id;
+    const address = new URL(location.href);
+    if ((address.searchParams.get("model") ?? "default") === id) return;
+    if (id === "default") address.searchParams.delete("model");
+    else address.searchParams.set("model", id);
+    history.replaceState(null, "", address);
+  }
+}
