@@ -149,6 +149,6 @@ fn failed(cause: &str) -> Failure {
     Failure {
         code: "model_not_fetched",
         cause: format!("The policy could not be fetched: {cause}."),
-        cure: "Check that the server is running, and reload the page.".into(),
+        cure: "Check that the server is running, and fetch it again.".into(),
     }
 }

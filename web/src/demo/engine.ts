@@ -13,9 +13,12 @@ export function isEnd({ code }: Failure): boolean {
   return code.startsWith("engine_");
 }
 
-// The same of a worker beside the first, which whoever had begun it has given up: there is nothing to restart.
+// A policy could not be fetched, and may be another time.
+export const NOT_FETCHED = "model_not_fetched";
+
+// The same of a worker beside the first, which whoever had begun it has given up: there is nothing to do again.
 export function givenUp(failure: Failure, cure: string): Failure {
-  return isEnd(failure) ? { ...failure, code: `second_${failure.code}`, cure } : failure;
+  return isEnd(failure) || failure.code === NOT_FETCHED ? { ...failure, code: `second_${failure.code}`, cure } : failure;
 }
 
 export class Engine {

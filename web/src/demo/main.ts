@@ -5,7 +5,7 @@ import { askedFor } from "./address";
 import { Arrival } from "./arrival";
 import { showCheck } from "./check";
 import { Comparison } from "./compare";
-import { Engine, isEnd, useModel } from "./engine";
+import { Engine, isEnd, NOT_FETCHED, useModel } from "./engine";
 import { Opening } from "./opening";
 import { AttemptPanel } from "./panel/attempt";
 import { BatchPanel } from "./panel/batch";
@@ -38,15 +38,20 @@ let mostBytes = Infinity;
 let brought: Promise<void> | null = null;
 
 const situation = new Situation();
-const failures = new Failures(() => {
-  engine.restart();
-  // What stood there stands there again.
-  for (const message of situation.restart()) engine.send(message);
-  inside.ask();
-});
+const failures = new Failures(
+  () => {
+    engine.restart();
+    // What stood there stands there again.
+    for (const message of situation.restart()) engine.send(message);
+    inside.ask();
+  },
+  () => use(wanted),
+);
 const shared = sharedOrTold();
 const asked = askedFor(shared);
 const engine = new Engine(useModel(asked.model), receive);
+// The policy that was asked for last.
+let wanted = asked.model;
 // What somebody asks for, as the page was opened or since.
 const send = (message: ToWorker) => {
   if (!PASSIVE.has(message.kind)) opening.stop();
@@ -96,7 +101,7 @@ const comparison = new Comparison({
 });
 const policy = new PolicyPicker(asked.model, (id) => {
   opening.stop();
-  engine.greet(useModel(id));
+  use(id);
 });
 const search = new SearchPanel({
   now: () => situation.now(),
@@ -317,6 +322,12 @@ function stop(headline: string): void {
   batch.enable(false);
   playback.disable();
   endProgress();
+}
+
+function use(model: string): void {
+  wanted = model;
+  failures.close(NOT_FETCHED);
+  engine.greet(useModel(model));
 }
 
 function load(object: string): void {

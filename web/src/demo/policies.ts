@@ -1,11 +1,11 @@
-// The policies that there are: a choice is filled with them when somebody wants it.
+// The policies that there are: a choice is filled with them whenever somebody wants it.
 
 import { h } from "../common/dom";
 
 export function fillWhenWanted(choice: HTMLSelectElement): void {
   const fill = () => void list(choice);
-  choice.addEventListener("pointerdown", fill, { once: true });
-  choice.addEventListener("focus", fill, { once: true });
+  choice.addEventListener("pointerdown", fill);
+  choice.addEventListener("focus", fill);
 }
 
 // Adds what is not there yet.
@@ -15,8 +15,16 @@ export function offer(choice: HTMLSelectElement, id: string): void {
 }
 
 async function list(choice: HTMLSelectElement): Promise<void> {
-  const answer = await fetch("api/v1/models").catch(() => null);
-  if (!answer?.ok) return;
-  const { data } = (await answer.json()) as { data: { id: string; kind?: string }[] };
-  for (const { id, kind } of data) if (kind !== "encoder") offer(choice, id);
+  // Of the server, or, where only files are served, those that lie beside the page.
+  const models = (await modelsAt("api/v1/models")) ?? (await modelsAt("models/index.json")) ?? [];
+  for (const { id, kind } of models) if (kind !== "encoder") offer(choice, id);
+}
+
+async function modelsAt(address: string): Promise<{ id: string; kind?: string }[] | null> {
+  try {
+    const answer = await fetch(address);
+    return answer.ok ? ((await answer.json()) as { data: { id: string; kind?: string }[] }).data : null;
+  } catch {
+    return null;
+  }
 }

@@ -168,6 +168,8 @@ export const FILES = {
 // What else fails.
 export const FAILURES = {
   copied: "Copied",
+  restart: "Restart",
+  fetchAgain: "Fetch it again",
   notLoaded: (why: string) => ({ cause: why, cure: "Reload the page. It needs Chrome 111, Firefox 121, Safari 16.4 or newer." }),
   unsupported: { cause: "This browser has no WebAssembly with SIMD, which the simulation is made of.", cure: UPDATE },
   stopped: (why: string | undefined) => ({

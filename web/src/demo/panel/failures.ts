@@ -1,7 +1,7 @@
 // Cards that say what failed and what to do. They stay until closed, and can be copied.
 
 import { element } from "../../common/dom";
-import { isEnd } from "../engine";
+import { isEnd, NOT_FETCHED } from "../engine";
 import type { Failure } from "../protocol";
 import { FAILURES } from "../strings";
 
@@ -11,9 +11,10 @@ export class Failures {
   readonly #list = element("failures", HTMLElement);
   readonly #template = element("failure-card", HTMLTemplateElement);
   readonly #restart: () => void;
+  readonly #fetchAgain: () => void;
 
-  constructor(restart: () => void) {
-    this.#restart = restart;
+  constructor(restart: () => void, fetchAgain: () => void) {
+    [this.#restart, this.#fetchAgain] = [restart, fetchAgain];
   }
 
   show(failure: Failure): void {
@@ -45,13 +46,22 @@ export class Failures {
         () => getSelection()?.selectAllChildren(card),
       );
     });
-    if (isEnd(failure)) {
+    const again = this.#again(failure);
+    if (again) {
       part(".again").hidden = false;
+      part(".again").textContent = again.words;
       part(".again").addEventListener("click", () => {
         card.remove();
-        this.#restart();
+        again.act();
       });
     }
     return card;
+  }
+
+  // What may do about a failure, if anything may.
+  #again(failure: Failure): { words: string; act: () => void } | null {
+    if (isEnd(failure)) return { words: FAILURES.restart, act: this.#restart };
+    if (failure.code === NOT_FETCHED) return { words: FAILURES.fetchAgain, act: this.#fetchAgain };
+    return null;
   }
 }
