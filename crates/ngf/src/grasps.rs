@@ -1,6 +1,7 @@
 //! `ngf grasps`: searches grasps of one object.
 
 use crate::bar::Bar;
+use crate::journal::Journal;
 use crate::objects::ObjectOptions;
 use anyhow::{Context, Result};
 use dataset::store;
@@ -9,10 +10,13 @@ use grasps::import::GraspFile;
 use grasps::kind::Scored;
 use grasps::place::{REACH_POSES, poses_served};
 use grasps::search::{SearchConfig, search, search_around, try_imported};
+use grasps::tolerance::Like;
 use grasps::{GraspSet, Robot, choice, tolerance};
 use rayon::prelude::*;
 use robot::Isometry;
 use scene::SceneError;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -57,9 +61,15 @@ pub(crate) fn run(options: &Options) -> Result<()> {
     };
     if !options.among.is_empty() {
         let found = read_reliable(&options.among)?;
-        let chooser = Chooser { robot: &robot, name: &name, object: &object, seed: options.seed };
+        // What was tried by another program, or with another object, does not count.
+        let program = std::env::current_exe().and_then(std::fs::read).context("no program")?;
+        let owner = [&blake3::hash(&program).to_hex(), object.hash().as_str()].join(" ");
+        let journal = Journal::open(options.out.with_extension("tried"), &owner)?;
+        let (robot, name, object, seed) = (&robot, &name, &object, options.seed);
+        let chooser = Chooser { robot, name, object, seed, journal };
         let set = chooser.choose(found, config.kinds)?;
-        return write(options, &robot, (&name, &object), &set);
+        chooser.journal.remove()?;
+        return write(options, robot, (name, object), &set);
     }
     let bar = Bar::new(&format!("{name}: grasps"), 100);
     let progress = |share| bar.set((share * 100.0) as usize);
@@ -123,6 +133,8 @@ struct Chooser<'a> {
     name: &'a str,
     object: &'a Object,
     seed: u64,
+    /// What was tried so far: it takes an hour.
+    journal: Journal,
 }
 
 /// Searches around the most tolerant grasps, and the seed from which on each of them draws.
@@ -132,10 +144,11 @@ impl Chooser<'_> {
     /// Tries each grasp beside its place, looks for more around the best, and chooses the kinds that lift the most.
     fn choose(&self, mut found: Vec<Scored>, kinds: usize) -> Result<GraspSet> {
         let (robot, object) = (self.robot, self.object);
-        let mut shares = self.shares(&found)?;
+        let like = Like::all(object)?;
+        let mut shares = self.shares(&found, &like)?;
         let centers = tolerance::centers(robot, object, &found, &shares);
         let around = self.around(&centers)?;
-        shares.extend(self.shares(&around)?);
+        shares.extend(self.shares(&around, &like)?);
         found.extend(around);
 
         let served = |(found, share): (&Scored, &f64)| match *share < tolerance::LEAST {
@@ -155,8 +168,9 @@ impl Chooser<'_> {
         })
     }
 
-    fn shares(&self, found: &[Scored]) -> Result<Vec<f64>> {
-        let share = |found: &Scored| tolerance::share(self.robot, self.object, &found.grasp);
+    fn shares(&self, found: &[Scored], like: &[Like]) -> Result<Vec<f64>> {
+        let (robot, object) = (self.robot, self.object);
+        let share = |found: &Scored| tolerance::share_among(robot, object, like, &found.grasp);
         self.each("tolerance", found.par_iter(), share)
     }
 
@@ -171,8 +185,8 @@ impl Chooser<'_> {
         Ok(self.each("around", searches.par_iter(), search)?.concat())
     }
 
-    /// Applies `f` to each on all threads, and shows how far it is.
-    fn each<T: Send, R: Send>(
+    /// Applies `f` to each on all threads, unless its result is known, and shows how far it is.
+    fn each<T: Send + Serialize, R: Send + Serialize + DeserializeOwned>(
         &self,
         what: &str,
         items: impl IndexedParallelIterator<Item = T>,
@@ -181,7 +195,8 @@ impl Chooser<'_> {
         let bar = Bar::new(&format!("{}: {what}", self.name), items.len());
         let done = AtomicUsize::new(0);
         let one = |item: T| {
-            let result = f(item);
+            let key = format!("{what} {}", serde_json::to_string(&item)?);
+            let result = self.journal.result(&key, || Ok(f(item)?));
             bar.set(1 + done.fetch_add(1, Ordering::Relaxed));
             result
         };

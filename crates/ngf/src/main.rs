@@ -9,6 +9,7 @@ mod environment;
 mod evaluate;
 mod examine;
 mod grasps;
+mod journal;
 mod link;
 mod mesh;
 mod objects;
