@@ -6,6 +6,7 @@ use geometry::object::Object;
 use grasps::built_in::built_in;
 use grasps::place::Planned;
 use grasps::sides::all_sides;
+use grasps::tolerance::{self, Like};
 use grasps::trial::{Endurance, Physics, TrialOutcome};
 use grasps::{Grasp, Robot, Setting, lift};
 use rand::{RngExt, SeedableRng};
@@ -53,8 +54,8 @@ fn the_bleach_bottle_is_lifted_in_nearly_every_repeat() {
     lifts_again("bleach", 18);
 }
 
-/// What follows a command is some hundredths of a radian off. A grasp that is commanded just as far as the bottle's weight
-/// needs loses it then: half of what is commanded is too little for each.
+/// What follows a command is some hundredths of a radian off: 0.05 is a seventh of what fingers press beyond touch. A grasp
+/// that is commanded just as far as the bottle's weight needs loses it then: half of it is too little for each.
 #[test]
 fn the_bleach_bottle_is_held_by_fingers_that_stop_short() {
     let robot = Robot::standard().unwrap();
@@ -70,8 +71,25 @@ fn the_bleach_bottle_is_held_by_fingers_that_stop_short() {
             let outcome = planned.try_beside(Physics::Hand, [0.0; 3], Endurance::BRIEF).unwrap();
             matches!(outcome, TrialOutcome::Lifted { .. })
         };
-        assert_eq!([1.0, 0.75, 0.5].map(lifts), [true, true, false], "kind {}", grasp.kind);
+        assert_eq!([1.0, 0.85, 0.5].map(lifts), [true, true, false], "kind {}", grasp.kind);
     }
+}
+
+/// The share by which grasps are chosen: with arm and hand, the hand beside its place, also on bottles with lower shoulders.
+#[test]
+fn the_first_kind_bears_a_hand_beside_its_place_also_on_bottles_alike() {
+    let robot = Robot::standard().unwrap();
+    let object = Object::built_in("bleach").unwrap();
+    let like = Like::all(&object).unwrap();
+    let share = |grasp: &Grasp| tolerance::share_among(&robot, &object, &like, grasp).unwrap();
+    let grasps = built_in("bleach").unwrap().grasps;
+    let shares: Vec<f64> = grasps.iter().filter(|grasp| grasp.kind == 0).map(share).collect();
+    // Fingers that close on nothing but the neck lift too few of the first trials.
+    let mut raised = grasps[0].clone();
+    raised.object_from_palm.translation.z += 0.08;
+    println!("{shares:?}, raised {}", share(&raised));
+    assert!(shares.iter().all(|share| *share >= tolerance::GOOD), "{shares:?}");
+    assert_eq!(share(&raised), 0.0);
 }
 
 /// The cheap world judges as the full one does, grasp by grasp, also beside the place.

@@ -3,7 +3,6 @@
 use crate::cluster;
 use crate::grasp::Grasp;
 use crate::kind::{OTHER_SIDE, Scored, half_turn};
-use crate::tolerance::LEAST;
 use geometry::object::Object;
 
 /// What a grasp adds that has no other side counts for less: a cloud hardly tells a pose from that half a turn away, and
@@ -55,9 +54,10 @@ pub fn choose(
         .collect()
 }
 
-/// Every grasp that lifts often enough, alone and with each that may be its other side.
+/// Every grasp that lifts, alone and with each that may be its other side: one that seldom does is better than none
+/// where no other reaches.
 fn with_other_sides(object: &Object, found: &[Scored], shares: &[f64]) -> Vec<Vec<usize>> {
-    let sound: Vec<usize> = (0..found.len()).filter(|&i| shares[i] >= LEAST).collect();
+    let sound: Vec<usize> = (0..found.len()).filter(|&i| shares[i] > 0.0).collect();
     let pose = |i: usize| &found[i].grasp.object_from_palm;
     let of_one = |&one: &usize| {
         let turned = half_turn(object, pose(one));
@@ -146,7 +146,7 @@ mod tests {
         };
         let top = robot::Isometry::translation(0.05, 0.0, 0.3);
         let found = [scored(top), scored(half_turn(&object, &top)), scored(top)];
-        let all = with_other_sides(&object, &found, &[0.9, 0.8, 0.3]);
+        let all = with_other_sides(&object, &found, &[0.9, 0.8, 0.0]);
         assert_eq!(all, [vec![0], vec![0, 1], vec![1], vec![1, 0]]);
     }
 }

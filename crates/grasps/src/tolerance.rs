@@ -49,7 +49,7 @@ const APPROACHES: usize = 2;
 const HELD: Endurance = Endurance { is_shaken: false, ..Endurance::FULL };
 
 /// The share of its trials that a good grasp lifts.
-pub(crate) const GOOD: f64 = 0.66;
+pub const GOOD: f64 = 0.66;
 
 /// So many of the good ones are centers, so far apart (m, by [`cluster::distance`]).
 const CENTERS: usize = 12;

@@ -151,12 +151,12 @@ impl Chooser<'_> {
         shares.extend(self.shares(&around, &like)?);
         found.extend(around);
 
-        let served = |(found, share): (&Scored, &f64)| match *share < tolerance::LEAST {
+        let served = |(found, share): (&Scored, &f64)| match *share == 0.0 {
             true => Ok(vec![false; REACH_POSES]),
             false => tolerance::served(robot, object, &found.grasp),
         };
         let served: Vec<Vec<bool>> = self.each("reach", found.par_iter().zip(&shares), served)?;
-        let sound = shares.iter().filter(|share| **share >= tolerance::LEAST).count();
+        let sound = shares.iter().filter(|share| **share > 0.0).count();
         Ok(GraspSet {
             grasps: choice::choose(object, &found, &shares, &served, kinds),
             proposed: 0,
