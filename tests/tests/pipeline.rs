@@ -6,7 +6,8 @@ use geometry::object::Object;
 use grasps::Robot;
 use imitation::autoencoder::{self, AutoencoderConfig};
 use imitation::dagger::{self, DaggerConfig};
-use imitation::training::{self, TrainedEncoder};
+use imitation::encoder::TrainedEncoder;
+use imitation::split;
 use imitation::watcher::Progress;
 use policy::{Observation, PolicyConfig};
 use rollout::{Attempt, Controller, Workcell};
@@ -31,7 +32,7 @@ fn a_tiny_model_is_made_and_acts() {
     let steps = AutoencoderConfig { steps: 4, batch: 4, ..AutoencoderConfig::standard() };
     autoencoder::train(&dataset, &steps, &out, &mut |_: &Progress| Ok(true)).unwrap();
     let encoder = TrainedEncoder::load(&out).unwrap();
-    let (taught, _) = training::lessons(&dataset, &encoder, Observation::Cloud, 3).unwrap();
+    let (taught, _) = split::lessons(&dataset, &encoder, Observation::Cloud, 3).unwrap();
     assert_eq!(taught.len(), 3 * dataset.config.turns, "each pose at each bearing");
     let steps =
         DaggerConfig { steps: 50, batch: 8, ..DaggerConfig::standard(PolicyConfig::tiny()) };
@@ -43,7 +44,7 @@ fn a_tiny_model_is_made_and_acts() {
     })
     .unwrap();
     assert!(losses.len() == 1 && losses[0].is_finite(), "{losses:?}");
-    training::write_model(&out, &encoder, &params, &steps, &taught).unwrap();
+    imitation::model_files::write_model(&out, &encoder, &params, &steps, &taught).unwrap();
 
     // A run that is stopped and goes on ends in the same weights.
     let stopped = folder.path().join("stopped");

@@ -3,9 +3,10 @@
 use dataset::generate::{Alone, built_in_objects};
 use dataset::{Dataset, DatasetConfig};
 use grasps::Robot;
+use imitation::encoder::TrainedEncoder;
 use imitation::nn::Params;
 use imitation::nn::network::{self, Network};
-use imitation::training::{self, TrainedEncoder};
+use imitation::split;
 use policy::model::ModelConfig;
 use policy::weights::Tensors;
 use rand::SeedableRng;
@@ -36,7 +37,7 @@ fn twins_agree_on_a_thousand_states_of_a_dataset() {
     let runs = runs.unwrap();
 
     let observation = config.policy.observation;
-    let (taught, held_out) = training::lessons(&dataset, &encoder, observation, 3).unwrap();
+    let (taught, held_out) = split::lessons(&dataset, &encoder, observation, 3).unwrap();
     let mut compared = 0;
     let mut greatest = 0.0f64;
     for lesson in taught.iter().chain(&held_out) {

@@ -3,6 +3,7 @@
 //! In: one picture a tick. Out: the picture that is to be shown: the last one, or an earlier one that was asked for.
 
 use crate::protocol::Phase;
+use rollout::Moment;
 
 /// How things stood after a tick.
 #[derive(Clone, Debug)]
@@ -14,18 +15,7 @@ pub(crate) struct Picture {
     /// Six numbers for each thing that presses on the object.
     pub(crate) contacts: Vec<f32>,
     pub(crate) phase: Phase,
-    pub(crate) terms: Option<Terms>,
-}
-
-/// What a fabric keeps, and what the joints have left.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
-pub(crate) struct Terms {
-    /// ½ q̇ᵀq̇ (rad²/s²).
-    pub(crate) energy: f64,
-    /// Distance of the joint nearest to a limit from it (rad).
-    pub(crate) margin: f64,
-    /// λ_max(B) + β (1/s), where a policy acts.
-    pub(crate) damping: Option<f64>,
+    pub(crate) moment: Option<Moment>,
 }
 
 /// The pictures of one attempt.
@@ -43,6 +33,19 @@ impl History {
 
     pub(crate) fn push(&mut self, picture: Picture) {
         self.pictures.push(picture);
+    }
+
+    /// How many there are.
+    pub(crate) fn len(&self) -> usize {
+        self.pictures.len()
+    }
+
+    /// The moments of all pictures; those that are not known are `found`, by their ticks.
+    pub(crate) fn moments(&mut self, found: impl Fn(usize) -> Moment) -> Vec<Moment> {
+        let known = |(tick, picture): (usize, &mut Picture)| {
+            *picture.moment.get_or_insert_with(|| found(tick))
+        };
+        self.pictures.iter_mut().enumerate().map(known).collect()
     }
 
     /// Looks at the picture of this tick; beyond the last one, at that.
@@ -95,7 +98,7 @@ mod tests {
     use wasm_bindgen_test::wasm_bindgen_test as test;
 
     fn picture(phase: Phase) -> Picture {
-        Picture { poses: vec![], joints: vec![], contacts: vec![], phase, terms: None }
+        Picture { poses: vec![], joints: vec![], contacts: vec![], phase, moment: None }
     }
 
     #[test]
@@ -105,6 +108,20 @@ mod tests {
             history.push(picture(phase));
         }
         assert_eq!(history.marks(), [(Phase::Approach, 0), (Phase::Verdict, 2)]);
+    }
+
+    #[test]
+    fn moments_that_nobody_watched_are_found_later() {
+        let moment = |energy: f64| Moment { energy, margin: 0.1, damping: None, terms: None };
+        let mut history = History::default();
+        history.push(picture(Phase::Approach));
+        history.push(Picture { moment: Some(moment(7.0)), ..picture(Phase::Policy) });
+        history.push(picture(Phase::Lift));
+        let energies: Vec<f64> =
+            history.moments(|tick| moment(tick as f64)).iter().map(|m| m.energy).collect();
+        assert_eq!(energies, [0.0, 7.0, 2.0]);
+        history.seek(0);
+        assert_eq!(history.shown().unwrap().moment, Some(moment(0.0)));
     }
 
     #[test]

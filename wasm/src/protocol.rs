@@ -2,10 +2,10 @@
 //!
 //! Metres, radians, kilograms, seconds; z is up; quaternions are x, y, z, w.
 
-use crate::history::Terms;
 use crate::statistics::Tally;
 use geometry::mesh::Mesh;
 use js_sys::{Float32Array, Uint32Array};
+use rollout::Moment;
 use serde::{Deserialize, Serialize};
 use serde_wasm_bindgen::preserve;
 
@@ -58,7 +58,7 @@ pub(crate) enum ToWorker {
     Seek {
         tick: usize,
     },
-    /// Whether the terms of the fabric are wanted with every frame.
+    /// Whether the moment is wanted with every frame; then those so far come, too.
     Watch {
         on: bool,
     },
@@ -123,6 +123,10 @@ pub(crate) enum FromWorker {
     Ready(Ready),
     Object(ObjectLoaded),
     Frame(Frame),
+    /// The moments of the attempt so far, tick by tick.
+    Course {
+        moments: Vec<Moment>,
+    },
     Cloud(Cloud),
     Progress(Progress),
     Model(Model),
@@ -290,8 +294,8 @@ pub(crate) struct Frame {
     /// What presses on the object, six numbers each: where (m), and with what force (N).
     #[serde(with = "preserve")]
     pub(crate) contacts: Float32Array,
-    /// If they are watched.
-    pub(crate) terms: Option<Terms>,
+    /// If it is watched.
+    pub(crate) moment: Option<Moment>,
     pub(crate) time: f64,
     pub(crate) running: bool,
     pub(crate) factor: f64,

@@ -35,8 +35,8 @@ pub(crate) struct Stage {
     /// Control periods that the world still goes on for: what was let go after the verdict comes to rest.
     settling: usize,
     history: History,
-    /// Whether the terms of the fabric are wanted.
-    pub(crate) is_watched: bool,
+    /// Whether the moments are wanted.
+    is_watched: bool,
     /// Whether the verdict has been told.
     is_told: bool,
     /// What is played, if something is.

@@ -151,7 +151,11 @@ impl Worker {
                 self.clock.is_running = false;
                 self.stage.seek(tick);
             }
-            ToWorker::Watch { on } => self.stage.is_watched = on,
+            ToWorker::Watch { on } => {
+                if let Some(moments) = self.stage.watch(on) {
+                    post(&FromWorker::Course { moments });
+                }
+            }
             ToWorker::Pull { pull } => {
                 self.stage.pull(pull);
                 self.await_tick();

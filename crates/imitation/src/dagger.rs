@@ -9,7 +9,7 @@ use crate::nn::adam::{AdamW, schedule};
 use crate::nn::network::{self, Network, Response};
 use crate::nn::ngf::Active;
 use crate::step::{self, Batch, Loss, Outcome};
-use crate::visits::{Class, Visit, is_near};
+use crate::visits::{Sampler, Visit, is_near};
 use crate::watcher::{Progress, Reporter, Watcher};
 use anyhow::{Result, bail};
 use policy::PolicyConfig;
@@ -131,7 +131,7 @@ pub fn train(
     if !lessons.iter().any(Lesson::is_full) {
         bail!("there are no demonstrations to learn from");
     }
-    let class = Class::new(lessons);
+    let sampler = Sampler::new(lessons);
     let mut rng = ChaCha8Rng::seed_from_u64(config.seed);
     let mut params = Params::default();
     network::init(&mut params, &config.policy, &mut rng)?;
@@ -152,7 +152,7 @@ pub fn train(
         if rounds.is_empty() || adam.steps.is_multiple_of(config.span) {
             crate::checkpoint::save(&checkpoint, &params, &adam, &settings)?;
             rng = ChaCha8Rng::seed_from_u64(config.seed ^ (adam.steps + 1) << 20);
-            rounds = class.rounds(config, adam.steps, &mut rng);
+            rounds = sampler.rounds(config, adam.steps, &mut rng);
         }
         let turn = (adam.steps % rounds.len() as u64) as usize;
         let visits: &mut [Visit] = &mut rounds[turn];
@@ -165,10 +165,10 @@ pub fn train(
             bail!("the loss is {} at step {}: lower the rate", outcome.loss, adam.steps);
         }
         for (visit, qdd) in visits.iter_mut().zip(&outcome.accelerations) {
-            visit.state = integrator::step(&visit.state, qdd, CONTROL_PERIOD);
+            visit.state = tree.limits.stop(&integrator::step(&visit.state, qdd, CONTROL_PERIOD));
             visit.left -= 1;
             if visit.left == 0 || !is_near(visit, lessons) {
-                *visit = class.draw(config, config.grown(adam.steps), &mut rng);
+                *visit = sampler.draw(config, config.grown(adam.steps), &mut rng);
             }
         }
         let (step, steps, loss) = (adam.steps, config.steps, outcome.loss);

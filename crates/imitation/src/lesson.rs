@@ -4,7 +4,7 @@ use crate::expert::Demonstrations;
 use policy::Encoding;
 use rand::{Rng, RngExt};
 use rayon::prelude::*;
-use robot::JointVector;
+use robot::{DOF, JointVector};
 
 /// Demonstrations of one way to grasp one object pose, and its clouds, encoded.
 pub struct Lesson {
@@ -101,12 +101,24 @@ pub fn introduce(lessons: &mut [Lesson], among: &[Starts]) {
     });
 }
 
+/// The mean configuration (rad) of all demonstrations, with the object in front.
+pub fn mean_configuration(lessons: &[Lesson]) -> [f64; DOF] {
+    let mut sum = JointVector::zeros();
+    let mut rows = 0;
+    for Lesson { demonstrations, encodings, .. } in lessons {
+        sum += (0..demonstrations.rows())
+            .map(|row| encodings[0].in_front(&demonstrations.state(row).q))
+            .sum::<JointVector>();
+        rows += demonstrations.rows();
+    }
+    (sum / rows.max(1) as f64).into()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use rand::SeedableRng;
     use rand_chacha::ChaCha8Rng;
-    use robot::DOF;
 
     /// Object pose `pose` with z = `z` at a bearing; a demonstration begins at `q` in front.
     fn lesson(pose: usize, z: f32, q: f32, bearing: f64) -> Lesson {

@@ -1,7 +1,7 @@
 //! What a linear read-out of z tells of an object's pose: the measure that an encoder has to pass.
 
 use crate::autoencoder::pose_in_front;
-use crate::training::TrainedEncoder;
+use crate::encoder::TrainedEncoder;
 use anyhow::{Context, Result};
 use geometry::object::Object;
 use geometry::symmetry;

@@ -1,6 +1,6 @@
 //! Pictures of what the autoencoder makes of clouds: the cloud in grey, what comes back in colour.
 
-use crate::training::TrainedEncoder;
+use crate::encoder::TrainedEncoder;
 use anyhow::Result;
 use dataset::report::canvas::Canvas;
 use geometry::Vec3;

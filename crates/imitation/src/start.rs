@@ -2,11 +2,12 @@
 //!
 //! It learns what the look-up of a model answers to what attempts ask, and a page then needs no table.
 
+use crate::encoder::TrainedEncoder;
 use crate::fit::Fit;
 use crate::loss::joint_and_tip_error;
 use crate::nn::{Params, mlp};
 use crate::shards::Gradient;
-use crate::training::{TrainedEncoder, is_held_out};
+use crate::split::is_held_out;
 use crate::watcher::Watcher;
 use anyhow::{Result, bail};
 use candle_core::{Device, Tensor};

@@ -20,14 +20,14 @@ pub(crate) struct Visit {
 }
 
 /// The lessons that there is something to learn from.
-pub(crate) struct Class<'a> {
+pub(crate) struct Sampler<'a> {
     lessons: &'a [Lesson],
-    taught: Vec<usize>,
+    full: Vec<usize>,
 }
 
-impl<'a> Class<'a> {
+impl<'a> Sampler<'a> {
     pub(crate) fn new(lessons: &'a [Lesson]) -> Self {
-        Self { lessons, taught: (0..lessons.len()).filter(|&i| lessons[i].is_full()).collect() }
+        Self { lessons, full: (0..lessons.len()).filter(|&i| lessons[i].is_full()).collect() }
     }
 
     /// States of several batches. Horizons are staggered, so that they are not all drawn anew at once.
@@ -49,7 +49,7 @@ impl<'a> Class<'a> {
     /// their full length that roll-outs have by now.
     pub(crate) fn draw(&self, config: &DaggerConfig, grown: f64, rng: &mut ChaCha8Rng) -> Visit {
         let length = |full: usize| 1 + (grown * (full.max(1) - 1) as f64) as usize;
-        let lesson = self.taught[rng.random_range(0..self.taught.len())];
+        let lesson = self.full[rng.random_range(0..self.full.len())];
         let encoding = rng.random_range(0..self.lessons[lesson].encodings.len());
         if rng.random::<f64>() < grown * config.start_share {
             let start = self.lessons[lesson].draw_start(rng);
@@ -124,11 +124,11 @@ mod tests {
         let mut lessons: Vec<Lesson> = (0..6).map(|k| lesson(k / 2, [0.0, 0.7][k % 2])).collect();
         let among = starts(&lessons);
         introduce(&mut lessons, &among);
-        let class = Class::new(&lessons);
+        let sampler = Sampler::new(&lessons);
         let config = DaggerConfig { start_share: 1.0, ..tiny() };
         let mut rng = ChaCha8Rng::seed_from_u64(1);
         for _ in 0..40 {
-            let visit = class.draw(&config, 1.0, &mut rng);
+            let visit = sampler.draw(&config, 1.0, &mut rng);
             let own = &lessons[visit.lesson];
             let q = visit.state.q;
             let is_start_of = |pose: usize| (q[1] - 0.1 * pose as f64).abs() < 1e-6;
@@ -144,11 +144,11 @@ mod tests {
     #[test]
     fn drawn_states_stay_within_the_noise() {
         let lessons = [lesson(0, 0.0)];
-        let class = Class::new(&lessons);
+        let sampler = Sampler::new(&lessons);
         let config = tiny();
         let mut rng = ChaCha8Rng::seed_from_u64(2);
         for _ in 0..40 {
-            let visit = class.draw(&config, 0.0, &mut rng);
+            let visit = sampler.draw(&config, 0.0, &mut rng);
             let (nearest, _) = lessons[0].demonstrations.nearest(&visit.state.q);
             let off = visit.state.q - lessons[0].demonstrations.state(nearest).q;
             assert!(off.amax() <= 0.12 + 0.04 && visit.state.qd.amax() <= 0.3);

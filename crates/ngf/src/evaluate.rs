@@ -147,17 +147,17 @@ fn pose(options: &Options) -> Result<Option<[f32; 3]>> {
     })
 }
 
-/// For each controller the sum of each family, and that of all of them.
+/// For each controller the sum of each family, and that of all of them, with the interval for objects like these.
 fn print_sums(options: &Options, reports: &[Report]) {
     let labels: BTreeSet<&str> = reports.iter().map(|report| report.policy.as_str()).collect();
     let sum = |label: &str, of: &str, is_in: &dyn Fn(&str) -> bool| {
         let counted = reports.iter().filter(|r| r.policy == label && is_in(&r.object));
-        let (lifted, attempts) =
-            counted.fold((0, 0), |(l, n), report| (l + report.lifted, n + report.attempts));
-        let [low, high] = rollout::wilson95(lifted, attempts).map(|x| 100.0 * x);
+        let counts: Vec<_> = counted.map(|report| (report.lifted, report.attempts)).collect();
+        let (lifted, attempts) = counts.iter().fold((0, 0), |(l, n), (k, m)| (l + k, n + m));
+        let [low, high] = rollout::wilson95_among(&counts).map(|x| 100.0 * x);
         println!(
             "{label:18} {of:14} {lifted:3} of {attempts:3} lifted, \
-             95 % interval {low:.0}..{high:.0} %"
+             95 % interval among objects {low:.0}..{high:.0} %"
         );
     };
     for label in labels {

@@ -6,8 +6,10 @@ use ::policy::Network;
 use ::policy::weights::Tensors;
 use anyhow::Result;
 use dataset::Dataset;
+use imitation::encoder::TrainedEncoder;
+use imitation::free_rollout::fingertip_errors;
 use imitation::lesson::Lesson;
-use imitation::training::{self, TrainedEncoder};
+use imitation::split;
 use robot::Tree;
 use std::path::PathBuf;
 
@@ -33,7 +35,7 @@ pub(crate) fn run(options: &Options) -> Result<()> {
     let encoder = TrainedEncoder::of_model(&weights)?;
     let data = Dataset::open(&options.data)?;
     let observation = config.policy.observation;
-    let (taught, held_out) = training::lessons(&data, &encoder, observation, usize::MAX)?;
+    let (taught, held_out) = split::lessons(&data, &encoder, observation, usize::MAX)?;
     println!("{:18} {:>18} {:>18}", "fingertips off, mm", "taught", "held out");
     let mut all = [Vec::new(), Vec::new()];
     for (object, name) in data.config.objects.iter().enumerate() {
@@ -43,7 +45,7 @@ pub(crate) fn run(options: &Options) -> Result<()> {
             let lessons: Vec<&Lesson> = lessons.iter().filter(of_it).collect();
             let every = lessons.len().div_ceil(options.lessons.max(1)).max(1);
             let lessons: Vec<&Lesson> = lessons.into_iter().step_by(every).collect();
-            let errors = training::fingertip_errors(&tree, &network, &lessons);
+            let errors = fingertip_errors(&tree, &network, &lessons);
             print_spread(&errors);
             all.extend(errors);
         }

@@ -10,8 +10,8 @@ use dataset::store;
 use geometry::object::Object;
 use grasps::built_in::built_in;
 use imitation::evaluation::{self, Report};
+use imitation::split;
 use imitation::suite::{self, Course, Suite};
-use imitation::training;
 use indicatif::ProgressBar;
 use policy::PolicyConfig;
 use policy::network::{NetworkConfig, POLICIES};
@@ -134,7 +134,7 @@ fn contestants(models: &Path, data: Option<&Path>) -> Result<Vec<Contestant>> {
     all.push(control("planner", Controller::Planner, None));
     if let Some(data) = data {
         let dataset = Dataset::open(data)?;
-        let library = Arc::new(training::library(&dataset)?);
+        let library = Arc::new(split::library(&dataset)?);
         let play_back = control("play-back", Controller::Nearest(library), None);
         all.push(Contestant { demonstrations: Some(dataset.hash()?), ..play_back });
     }

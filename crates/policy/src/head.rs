@@ -46,6 +46,19 @@ pub struct Fabric {
     pub damping: f64,
 }
 
+/// What the acceleration of a fabric is the sum of (Eq. 3), each in rad/s².
+#[derive(Clone, Debug)]
+pub struct Terms {
+    /// h̃ = -M⁻¹ f_g, the geometry.
+    pub geometry: JointVector,
+    /// α_L q̇, which keeps the energy along the geometry.
+    pub energization: JointVector,
+    /// -M⁻¹ ∂ψ.
+    pub potential: JointVector,
+    /// -(B + β) q̇.
+    pub damping: JointVector,
+}
+
 /// A positive number from any: ELU(x) + 1 + 1e-3.
 ///
 /// *Departure: the paper's ELU reaches -1 and so cannot force a positive output; we add 1.*
@@ -109,6 +122,19 @@ impl Fabric {
         let h = -metric.solve(&self.geometry_force());
         let drive = metric.solve(&self.driving_force);
         Some(h + qd * (energization(qd, &h) - DAMPING) - drive)
+    }
+
+    /// The terms of [`Self::acceleration`]; `None` if an entry is not finite.
+    pub fn terms(&self, qd: &JointVector) -> Option<Terms> {
+        let metric = self.factored_metric()?;
+        let geometry = -metric.solve(&self.geometry_force());
+        let brake = qd * self.damping;
+        Some(Terms {
+            energization: qd * energization(qd, &geometry),
+            geometry,
+            potential: -metric.solve(&(self.driving_force - brake)),
+            damping: -metric.solve(&brake) - qd * DAMPING,
+        })
     }
 
     /// λ_max(B) + β (1/s), the fastest rate at which it brakes: Eq. 6 and 7 are stable below 2 / dt = 60.
@@ -195,6 +221,21 @@ mod tests {
         let wanted = fabric.resolve().unwrap() + qd * (energization(&qd, &h) - DAMPING);
         let got = fabric.acceleration(&qd).unwrap();
         assert!((got - wanted).norm() < 1e-9 * wanted.norm());
+    }
+
+    #[test]
+    fn eq3_is_the_sum_of_its_terms() {
+        for seed in 0..20 {
+            let qd = velocity(seed);
+            let fabric = outputs(seed).fabric(&qd);
+            let Terms { geometry, energization, potential, damping } = fabric.terms(&qd).unwrap();
+            let wanted = fabric.acceleration(&qd).unwrap();
+            let sum = geometry + energization + potential + damping;
+            assert!((sum - wanted).norm() < 1e-9 * wanted.norm());
+            assert!(qd.dot(&damping) < 0.0, "it brakes");
+            let rest = fabric.terms(&JointVector::zeros()).unwrap();
+            assert_eq!(rest.energization.norm() + rest.damping.norm(), 0.0);
+        }
     }
 
     #[test]

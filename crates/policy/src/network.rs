@@ -2,6 +2,7 @@
 
 use crate::baseline::{Baseline, BaselineConfig};
 use crate::encoder::{self, LATENT};
+use crate::head::Fabric;
 use crate::ngf::{Ngf, NgfConfig};
 use crate::weights::{Tensors, WeightsError};
 use geometry::Vec3;
@@ -115,10 +116,10 @@ impl Network {
         }
     }
 
-    /// λ_max(B) + β (1/s) of a fabric ([`crate::head::Fabric::greatest_damping`]); others have none.
-    pub fn greatest_damping(&self, state: &JointState, object: &[f32]) -> Option<f64> {
+    /// The fabric that acts at a state; `None` of another policy.
+    pub fn fabric(&self, state: &JointState, object: &[f32]) -> Option<Fabric> {
         match self {
-            Self::Ngf(ngf) => Some(ngf.outputs(state, object).fabric(&state.qd).greatest_damping()),
+            Self::Ngf(ngf) => Some(ngf.outputs(state, object).fabric(&state.qd)),
             Self::Mlp(_) => None,
         }
     }

@@ -1,6 +1,6 @@
 //! What the joints can do: position, velocity, acceleration, torque.
 
-use crate::JointVector;
+use crate::{JointState, JointVector};
 
 /// Limits per joint.
 #[derive(Clone, Debug, PartialEq)]
@@ -21,6 +21,13 @@ impl Limits {
     /// The nearest position within the limits, `margin` (rad) inside them.
     pub fn clamp(&self, q: &JointVector, margin: f64) -> JointVector {
         JointVector::from_fn(|i, _| q[i].clamp(self.lower[i] + margin, self.upper[i] - margin))
+    }
+
+    /// The state with every joint that is beyond a limit at rest there.
+    pub fn stop(&self, state: &JointState) -> JointState {
+        let q = self.clamp(&state.q, 0.0);
+        let speed = |i: usize| if q[i] == state.q[i] { state.qd[i] } else { 0.0 };
+        JointState { q, qd: JointVector::from_fn(|i, _| speed(i)) }
     }
 
     /// Whether `q` keeps at least `margin` (rad) to every limit.
@@ -62,6 +69,18 @@ mod tests {
         let worst =
             (0..crate::DOF).map(|i| scaled[i].abs() / limits.acceleration[i]).fold(0.0, f64::max);
         assert!((worst - 1.0).abs() < 1e-12, "largest share of a limit {worst}, wanted 1");
+    }
+
+    #[test]
+    fn a_joint_stops_at_its_limit_and_the_others_go_on() {
+        let limits = Tree::iiwa7_allegro().unwrap().limits;
+        let mut q = (limits.lower + limits.upper) / 2.0;
+        (q[2], q[9]) = (limits.upper[2] + 0.1, limits.lower[9] - 0.1);
+        let stopped = limits.stop(&JointState { q, qd: JointVector::from_element(0.5) });
+        assert_eq!(stopped.q, limits.clamp(&q, 0.0));
+        for i in 0..crate::DOF {
+            assert_eq!(stopped.qd[i], if [2, 9].contains(&i) { 0.0 } else { 0.5 }, "joint {i}");
+        }
     }
 
     #[test]

@@ -14,9 +14,10 @@ use grasps::{Robot, demonstration, place};
 use policy::{Encoding, Model};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
-use robot::{Isometry, JointState, JointVector, integrator, rotation};
+use robot::{Isometry, JointState, integrator, rotation};
 use scene::config::{CONTROL_PERIOD, scene_hash};
 use scene::{Hold, Scene, Simulation};
+use std::ops::RangeInclusive;
 
 /// An attempt in progress.
 pub struct Attempt {
@@ -161,12 +162,8 @@ impl Attempt {
             self.fail(Failure::NotFinite);
             return None;
         };
-        let limits = &workcell.robot.tree.limits;
         let free = integrator::step(&state, &qdd, CONTROL_PERIOD);
-        let q = limits.clamp(&free.q, 0.0);
-        // A joint at its limit stops there.
-        let qd = JointVector::from_fn(|i, _| if q[i] == free.q[i] { free.qd[i] } else { 0.0 });
-        Some(JointState { q, qd })
+        Some(workcell.robot.tree.limits.stop(&free))
     }
 
     /// What is going on.
@@ -232,9 +229,12 @@ impl Attempt {
 
     /// Commanded states between start and lift; none if the controller did not come to act.
     fn acted(&self) -> Vec<JointState> {
-        let end = self.marks.lift.unwrap_or(self.ticks());
-        let rows = self.targets.get(self.approach_ticks..=end).unwrap_or_default();
+        let rows = self.targets.get(self.acted_ticks()).unwrap_or_default();
         rows.iter().map(|row| state_of_row(row)).collect()
+    }
+
+    fn acted_ticks(&self) -> RangeInclusive<usize> {
+        self.approach_ticks..=self.marks.lift.unwrap_or(self.ticks())
     }
 
     /// How the controller moved between start and lift, if it came to act.
@@ -258,16 +258,17 @@ impl Attempt {
         known.filter(|_| self.controller.is_of_model())
     }
 
-    /// The present moment.
-    pub fn moment(&self, workcell: &Workcell) -> Moment {
-        Moment::of(&self.state, &workcell.robot.tree.limits, self.network(workcell))
+    /// The moment after a tick, or the last one; a fabric acts between start and lift.
+    pub fn moment(&self, workcell: &Workcell, tick: usize) -> Moment {
+        let state = self.targets.get(tick).map_or(self.state, |row| state_of_row(row));
+        let acts = self.network(workcell).filter(|_| self.acted_ticks().contains(&tick));
+        Moment::of(&state, &workcell.robot.tree.limits, acts)
     }
 
     /// The moments between start and lift, a control period apart; none if the controller did not come to act.
     pub fn course(&self, workcell: &Workcell) -> Vec<Moment> {
-        let limits = &workcell.robot.tree.limits;
-        let moment = |state: &JointState| Moment::of(state, limits, self.network(workcell));
-        self.acted().iter().map(moment).collect()
+        let ticks = self.acted_ticks().take_while(|tick| *tick < self.targets.len());
+        ticks.map(|tick| self.moment(workcell, tick)).collect()
     }
 
     /// The recording so far.

@@ -20,10 +20,10 @@ pub mod workcell;
 
 pub use attempt::{Attempt, pose_of_seed};
 pub use controller::Controller;
-pub use course::Moment;
+pub use course::{Moment, TermNorms};
 pub use demonstration::Demonstration;
 pub use episode::Episode;
-pub use interval::wilson95;
+pub use interval::{wilson95, wilson95_among};
 pub use library::Library;
 pub use motion::Motion;
 pub use phases::Phase;

@@ -1,7 +1,7 @@
 //! What is drawn: how things stand, kept from tick to tick.
 
 use super::Stage;
-use crate::history::{Picture, Terms};
+use crate::history::Picture;
 use crate::protocol::{Frame, Phase};
 use geometry::Pose;
 use js_sys::Float32Array;
@@ -17,17 +17,22 @@ impl Stage {
         let Some(attempt) = &self.attempt else { return };
         let scene = attempt.scene();
         let poses = scene.body_poses().chain([scene.object_pose()]);
-        let terms = self.is_watched.then(|| {
-            let Moment { energy, margin, damping } = attempt.moment(&self.workcell);
-            Terms { energy, margin, damping }
-        });
+        let now = self.history.len();
+        let moment = self.is_watched.then(|| attempt.moment(&self.workcell, now));
         self.history.push(Picture {
             poses: poses.flat_map(|pose| seven(&pose)).collect(),
             joints: attempt.commanded().q.iter().map(|q| *q as f32).collect(),
             contacts: attempt.contacts().iter().flat_map(six).collect(),
             phase: attempt.phase().into(),
-            terms,
+            moment,
         });
+    }
+
+    /// Whether the moments are wanted from now on; if so, those so far.
+    pub(crate) fn watch(&mut self, on: bool) -> Option<Vec<Moment>> {
+        self.is_watched = on;
+        let attempt = self.attempt.as_ref().filter(|_| on)?;
+        Some(self.history.moments(|tick| attempt.moment(&self.workcell, tick)))
     }
 
     /// What is to be drawn; the clock's figures are filled in by its owner.
@@ -48,7 +53,7 @@ impl Stage {
             joints: Float32Array::from(picture.joints.as_slice()),
             target: Float32Array::from(self.target(&picture.joints).as_slice()),
             contacts: Float32Array::from(picture.contacts.as_slice()),
-            terms: picture.terms,
+            moment: picture.moment,
             time: self.history.tick() as f64 * CONTROL_PERIOD,
             running: true,
             factor: 1.0,
@@ -74,7 +79,7 @@ impl Stage {
             joints,
             contacts: Vec::new(),
             phase: Phase::Idle,
-            terms: None,
+            moment: None,
         }
     }
 }

@@ -73,7 +73,7 @@ mod tests {
 
     #[test]
     fn there_is_a_line_for_each_attempt_and_no_plot_of_what_nobody_has() {
-        let moment = |energy| Moment { energy, margin: 0.5, damping: None };
+        let moment = |energy| Moment { energy, margin: 0.5, damping: None, terms: None };
         let attempts = [
             (true, vec![moment(0.0), moment(2.0), moment(1.0)]),
             (false, vec![moment(0.0), moment(1.0)]),

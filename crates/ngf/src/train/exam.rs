@@ -4,8 +4,9 @@ use anyhow::Result;
 use dataset::generate::built_in_object;
 use geometry::object::Object;
 use imitation::evaluation::evaluate;
+use imitation::free_rollout::{fingertip_errors, greatest_damping};
 use imitation::lesson::Lesson;
-use imitation::training::{self, ModelFiles};
+use imitation::model_files::ModelFiles;
 use policy::weights::Tensors;
 use policy::{Network, PolicyConfig};
 use robot::Tree;
@@ -85,16 +86,14 @@ impl Exam {
         let mut fingertip_error_m = BTreeMap::new();
         for (label, lessons) in lessons {
             let shown = spread(lessons);
-            let errors =
-                self.threads.install(|| training::fingertip_errors(tree, &network, &shown));
+            let errors = self.threads.install(|| fingertip_errors(tree, &network, &shown));
             if let Some(spread) = Spread::of(&errors) {
                 fingertip_error_m.insert(label, spread);
             }
         }
         let [_, (_, held_out)] = lessons;
         let held_out = spread(held_out);
-        let greatest_damping =
-            self.threads.install(|| training::greatest_damping(&network, &held_out));
+        let greatest_damping = self.threads.install(|| greatest_damping(&network, &held_out));
         self.workcell.load_model(&files.weights, &files.starts, &files.config)?;
         let (mut attempts, mut lifted) = (0, 0);
         for (i, (name, object)) in self.objects.iter().enumerate() {

@@ -11,9 +11,11 @@ use anyhow::{Context, Result};
 use dataset::Dataset;
 use dataset::store;
 use imitation::dagger::{self, DaggerConfig};
+use imitation::encoder::TrainedEncoder;
 use imitation::lesson::Lesson;
-use imitation::training::{self, TrainedEncoder};
+use imitation::model_files::{model_files, write_files, write_model};
 use imitation::watcher::{Progress, Watcher};
+use imitation::{lesson, split};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
@@ -75,14 +77,14 @@ pub(super) fn train(options: &Options) -> Result<()> {
     let poses = options.poses.unwrap_or(usize::MAX);
     let observation = config.policy.observation;
     let dataset = Dataset::open(&run.data)?;
-    let (taught, held_out) = training::lessons(&dataset, &encoder, observation, poses)?;
+    let (taught, held_out) = split::lessons(&dataset, &encoder, observation, poses)?;
     println!(
         "{} lessons, object poses at a bearing, to learn from; {} held out",
         taught.len(),
         held_out.len()
     );
     if let (NetworkConfig::Ngf(ngf), None) = (&mut config.policy.network, &begin) {
-        ngf.rest = training::mean_configuration(&taught);
+        ngf.rest = lesson::mean_configuration(&taught);
     }
     store::write(&run.out.join("dagger.json"), &serde_json::to_vec_pretty(&config)?)?;
 
@@ -97,7 +99,7 @@ pub(super) fn train(options: &Options) -> Result<()> {
     let begin = begin.as_ref().map(|(weights, _)| weights.as_slice());
     let tree = school.exam.tree().clone();
     let params = dagger::train(&taught, &tree, &config, begin, &run.out, &mut school)?;
-    training::write_model(&run.out, &encoder, &params, &config, &taught)
+    write_model(&run.out, &encoder, &params, &config, &taught)
 }
 
 /// Looks on while a policy learns, and examines it now and then.
@@ -119,15 +121,15 @@ impl Watcher for School<'_> {
         let is_examined = now.step.is_multiple_of(EXAMINATION);
         if is_examined || now.step.is_multiple_of(self.config.span) {
             let [(_, taught), _] = self.lessons;
-            let files = training::model_files(self.encoder, now.params, self.config, taught)?;
+            let files = model_files(self.encoder, now.params, self.config, taught)?;
             if is_examined {
                 let found = self.exam.take(&self.config.policy, &files, self.lessons)?;
                 println!("{found}");
                 self.log.write(&json!({ "step": now.step, "exam": found }))?;
                 report::say(&format!("step {}: {found}", now.step));
             }
-            training::write_files(self.out, &files)?;
-            let write = |folder: &Path| training::write_files(folder, &files);
+            write_files(self.out, &files)?;
+            let write = |folder: &Path| write_files(folder, &files);
             report::checkpoint(self.out, now.step, write)?;
         }
         Ok(true)
