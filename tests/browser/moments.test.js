@@ -52,11 +52,21 @@ test("the slider shows any moment again, and playing goes on from there", async 
 test("what goes on inside is shown for every joint and over time", async () => {
   const { page } = await visit(served);
   await untilReady(page);
+  const lines = () => page.$$eval("#plots polyline", (lines) => lines.map((line) => line.getAttribute("points")));
   await page.click("#inside summary");
   await grasp(page, 0);
   assert.equal(await page.locator(".joint").count(), 23);
-  const points = await page.$$eval("#plots polyline", (lines) => lines.map((line) => line.getAttribute("points").split(" ").length));
-  assert.ok(points.every((count) => count > 30), String(points));
+  const watched = await lines();
+  // Energy, four terms of the fabric, damping, margin.
+  assert.equal(watched.length, 7);
+  assert.ok(watched.every((points) => points.split(" ").length > 30), String(watched));
+  // Whoever looks only afterwards sees the same.
+  await page.click("#inside summary");
+  await page.click("#new-pose");
+  await grasp(page, 0);
+  await page.click("#inside summary");
+  await page.waitForFunction((wanted) => document.querySelector("#plots polyline").getAttribute("points") === wanted, watched[0]);
+  assert.deepEqual(await lines(), watched);
   await page.locator("#inside").scrollIntoViewIfNeeded();
   await screenshot(page, "inside");
   await page.close();
@@ -147,13 +157,14 @@ test("twenty attempts in a row are counted, and end as one by one", async () => 
   const [download] = await Promise.all([page.waitForEvent("download"), page.click("#batch-csv")]);
   const rows = readFileSync(await download.path(), "utf8").trim().split("\n").slice(1);
   assert.equal(rows.length, 20);
-  const [seed, , , , lifted] = rows[3].split(",");
+  const [name, seed, , , , lifted] = rows[3].split(",");
+  assert.equal(name, "default");
   const { words, hash } = await grasp(page, Number(seed));
   assert.ok(rows[3].endsWith(hash), `${rows[3]} and ${hash}`);
   assert.equal(words === "Lifted and held.", lifted === "true");
   assert.match(await page.textContent("#tally"), /of 20 lifted/, "the same attempt counts once");
   // Where they stood: a mark each, and a click shows that attempt again.
-  const lifts = rows.filter((row) => row.split(",")[4] === "true").length;
+  const lifts = rows.filter((row) => row.split(",")[5] === "true").length;
   assert.equal(await page.locator("#places-map .is-lifted").count(), lifts);
   assert.equal(await page.locator("#places-map .is-failed").count(), 20 - lifts);
   assert.equal(await page.locator("#batch-failures li").count(), 20 - lifts);
@@ -166,6 +177,36 @@ test("twenty attempts in a row are counted, and end as one by one", async () => 
   await page.click("#batch-run");
   await page.waitForFunction(() => document.getElementById("batch-run").textContent === "Run");
   await screenshot(page, "batch");
+  await page.close();
+});
+
+test("two policies are counted on the same seeds", async () => {
+  const { page, complaints } = await visit(served);
+  await untilReady(page);
+  await page.focus("#compare");
+  await page.waitForSelector("#compare [value=mlp-pcd]", { state: "attached" });
+  await page.selectOption("#compare", "mlp-pcd");
+  await page.waitForFunction(() => document.getElementById("who-2").textContent === "mlp-pcd");
+  await page.click("#batch-run");
+  await page.waitForFunction(() => document.getElementById("batch-run").textContent === "Run");
+  assert.match(await page.textContent("#batch-words"), /^default: \d+ of 20$/);
+  const beside = await page.textContent("#batch-beside");
+  assert.match(beside, /^mlp-pcd: \d+ of 20 Of the 20 that both tried, default alone lifted \d+, mlp-pcd alone \d+\.$/);
+  const [download] = await Promise.all([page.waitForEvent("download"), page.click("#batch-csv")]);
+  const rows = readFileSync(await download.path(), "utf8").trim().split("\n").slice(1).map((line) => line.split(","));
+  const lifted = (name) => rows.filter((row) => row[0] === name).map((row) => row[5] === "true");
+  const [first, second] = [lifted("default"), lifted("mlp-pcd")];
+  assert.deepEqual([first.length, second.length], [20, 20]);
+  const alone = (one, other) => one.filter((lifts, seed) => lifts && !other[seed]).length;
+  assert.deepEqual(beside.match(/\d+/g).slice(-2).map(Number), [alone(first, second), alone(second, first)]);
+  await screenshot(page, "batch-of-two");
+  // What ends the second ends its share of the row.
+  await page.click("#batch-run");
+  await page.waitForFunction(() => /1 of|2 of/.test(document.getElementById("batch-beside").textContent));
+  await page.selectOption("#compare", "");
+  await page.waitForFunction(() => document.getElementById("batch-run").textContent === "Run");
+  assert.match(await page.textContent("#batch-words"), /: 20 of 20$|: 1\d of 20$/);
+  assert.deepEqual(complaints, []);
   await page.close();
 });
 

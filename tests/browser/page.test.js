@@ -110,6 +110,17 @@ test("keys do what the buttons do", async () => {
   await page.waitForFunction(() => document.getElementById("rate").textContent === "Paused");
   await page.keyboard.press("h");
   assert.ok(await page.isChecked("#layer-hulls"));
+  // With Shift the arrows turn the viewer, and the object stays.
+  const stands = () => page.$eval("#pose", (fields) => [...fields.querySelectorAll("input")].map((input) => input.value).join());
+  const stood = await stands();
+  const pictures = [];
+  for (const key of ["", "Shift+ArrowRight", "Shift+ArrowUp", "+"]) {
+    if (key) await page.keyboard.press(key);
+    await page.waitForTimeout(700);
+    pictures.push((await page.locator("#view").screenshot()).toString("base64"));
+  }
+  assert.equal(new Set(pictures).size, 4, "each key shows something else");
+  assert.equal(await stands(), stood);
   await page.close();
 });
 

@@ -92,8 +92,19 @@ pub(crate) fn read(file_name: &str, bytes: &[u8], told: Told) -> Result<Loaded, 
     let mut rests = mesh::rests(&mesh.vertices, solid.center);
     // What is round has many sides, each steadier than to stand upright.
     let stays = rests.is_empty() || rests.iter().any(mesh::Rest::is_as_it_is);
+    let drawn = rests.iter().position(mesh::Rest::is_y_up).filter(|_| mesh::is_drawn_y_up(&mesh));
+    let drawn = drawn.map(|side| {
+        // It is one of those that are offered.
+        let offered = side.min(MOST_RESTS - 1);
+        rests.swap(side, offered);
+        offered
+    });
     rests.truncate(MOST_RESTS);
     let stands = told.stands.unwrap_or_else(|| {
+        if let Some(side) = drawn {
+            notes.push("Its file looks drawn with y up, and it stands so.".into());
+            return Stands::On(side);
+        }
         if stays {
             return Stands::AsInFile;
         }
@@ -227,13 +238,13 @@ mod tests {
         assert!((report.extent_cm[2] - 12.0).abs() < 1e-3);
     }
 
-    #[test]
-    fn a_slender_bottle_stays_upright_however_many_sides_it_has() {
-        // Eight sides, on each of which it would stand more steadily.
+    /// A bottle of eight sides, on each of which it stands more steadily than on its foot.
+    fn bottle(is_y_up: bool) -> Report {
         let ring = |z: f32| {
             (0..8).map(move |k| {
                 let (sin, cos) = libm::sincosf(std::f32::consts::TAU * k as f32 / 8.0);
-                format!("v {} {} {z}\n", 30.0 * cos, 30.0 * sin)
+                let (x, y) = (30.0 * cos, 30.0 * sin);
+                if is_y_up { format!("v {x} {z} {}\n", -y) } else { format!("v {x} {y} {z}\n") }
             })
         };
         let caps = ["f 8 7 6 5 4 3 2 1\n", "f 9 10 11 12 13 14 15 16\n"].map(str::to_owned);
@@ -241,9 +252,22 @@ mod tests {
             |k: usize| format!("f {} {} {} {}\n", k + 1, (k + 1) % 8 + 1, (k + 1) % 8 + 9, k + 9);
         let text: String =
             ring(0.0).chain(ring(200.0)).chain(caps).chain((0..8).map(side)).collect();
-        let report = read("bottle.obj", text.as_bytes(), Told::default()).unwrap().report;
+        read("bottle.obj", text.as_bytes(), Told::default()).unwrap().report
+    }
+
+    #[test]
+    fn a_slender_bottle_stays_upright_however_many_sides_it_has() {
+        let report = bottle(false);
         assert_eq!((report.stands, report.sides), (Some(Stands::AsInFile), MOST_RESTS));
         assert!((report.extent_cm[2] - 20.0).abs() < 1e-3 && report.watertight);
+    }
+
+    #[test]
+    fn what_was_drawn_with_y_up_stands_up() {
+        let report = bottle(true);
+        assert_eq!(report.stands, Some(Stands::On(MOST_RESTS - 1)));
+        assert!((report.extent_cm[2] - 20.0).abs() < 1e-3 && report.watertight);
+        assert!(report.notes.iter().any(|note| note.contains("y up")), "{:?}", report.notes);
     }
 
     #[test]

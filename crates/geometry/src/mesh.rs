@@ -21,6 +21,7 @@ mod samples;
 mod split;
 mod stl;
 mod unit;
+mod upright;
 mod voxels;
 
 pub use error::{MeshError, Place};
@@ -32,6 +33,7 @@ pub use read::{MAX_BYTES, MAX_TRIANGLES, read};
 pub use report::Report;
 pub use rest::{Rest, rests};
 pub use unit::{Unit, UnitGuess, guess};
+pub use upright::is_drawn_y_up;
 
 use crate::Vec3;
 

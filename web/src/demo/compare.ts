@@ -3,7 +3,7 @@
 import { element } from "../common/dom";
 import { Engine, givenUp, isEnd, useModel } from "./engine";
 import { fillWhenWanted } from "./policies";
-import type { Failure, FromWorker, ToWorker, Verdict } from "./protocol";
+import type { Attempted, Failure, FromWorker, ToWorker, Verdict } from "./protocol";
 import { COMPARISON } from "./strings";
 import type { Layer, View } from "./view/view";
 
@@ -12,11 +12,14 @@ export interface ComparisonEvents {
   now(): ToWorker[];
   // The second picture, if there can be one.
   picture(): View | null;
+  // How the second policy did in a row of attempts, and that the row is over.
+  attempted(row: Attempted): void;
+  over(): void;
   tell(failure: Failure): void;
 }
 
 // What the second worker is not asked for.
-const ALONE = new Set<ToWorker["kind"]>(["model", "batch", "cancel", "export", "watch", "search", "follow"]);
+const ALONE = new Set<ToWorker["kind"]>(["model", "export", "watch", "search", "follow"]);
 
 // What ends an attempt, and its verdict with it.
 const ENDS = new Set<ToWorker["kind"]>(["load", "upload", "place", "randomPose", "grasp", "reset"]);
@@ -44,9 +47,16 @@ export class Comparison {
     this.#names[0].textContent = this.#first;
   }
 
+  // Who takes part in a row of attempts.
+  get names(): string[] {
+    return this.#engine && this.#isReady ? [this.#first, this.#choice.value] : [this.#first];
+  }
+
   // Whatever the first worker is told.
   send(message: ToWorker): void {
     if (ALONE.has(message.kind) || !this.#engine) return;
+    // A row that began without it stays so: its attempts would be the planner's.
+    if (message.kind === "batch" && !this.#isReady) return;
     if (ENDS.has(message.kind)) this.#grasp = null;
     if (message.kind === "grasp" && !this.#isReady) this.#grasp = message;
     else this.#engine.send(message);
@@ -74,6 +84,7 @@ export class Comparison {
   }
 
   #start(id: string): void {
+    if (this.#engine) this.#events.over();
     this.#engine?.stop();
     [this.#engine, this.#isReady, this.#grasp] = [null, false, null];
     document.body.classList.toggle("is-compared", id !== "");
@@ -114,6 +125,12 @@ export class Comparison {
         break;
       case "verdict":
         this.#names[1].textContent = `${message.played?.what ?? this.#choice.value}: ${message.words}`;
+        break;
+      case "attempted":
+        this.#events.attempted(message);
+        break;
+      case "batchOver":
+        this.#events.over();
         break;
       case "failure":
         if (isEnd(message)) this.#start((this.#choice.value = ""));

@@ -87,6 +87,7 @@ const report = new ReportCard((part) => {
 const batch = new BatchPanel({
   send,
   seed: () => attempt.seed,
+  names: () => comparison.names,
   replay: (seed) => attempt.show(seed),
 });
 const inside = new InsidePanel(send);
@@ -97,6 +98,8 @@ const comparison = new Comparison({
     for (const [layer, { checked }] of switches()) picture?.setLayer(layer, checked);
     return picture;
   },
+  attempted: (row) => batch.add(row, 1),
+  over: () => batch.end(1),
   tell: (failure) => failures.show(failure),
 });
 const policy = new PolicyPicker(asked.model, (id) => {
@@ -194,7 +197,7 @@ onKeys(
     "0": () => look("home"),
     "?": () => help.showModal(),
   },
-  (key) => pose.nudge(key),
+  (key) => view?.step(key) || pose.nudge(key),
 );
 
 function receive(message: FromWorker): void {
@@ -233,6 +236,9 @@ function receive(message: FromWorker): void {
       situation.show(message);
       arrival?.showFrame(message);
       break;
+    case "course":
+      inside.showCourse(message);
+      break;
     case "cloud":
       view?.showCloud(message);
       report.showLikeness(message.likeness);
@@ -251,11 +257,11 @@ function receive(message: FromWorker): void {
       arrival?.showVerdict(message);
       break;
     case "attempted":
-      batch.add(message);
+      batch.add(message, 0);
       attempt.showTally(message.tally);
       break;
     case "batchOver":
-      batch.end();
+      batch.end(0);
       break;
     case "file":
       save(message.name, new Blob([message.text], { type: "application/json" }));

@@ -48,7 +48,7 @@ export type ToWorker =
   | { kind: "speed"; factor: number }
   // Show how it was after this tick; resuming plays on from there.
   | { kind: "seek"; tick: number }
-  // Whether the terms of the fabric are wanted with every frame.
+  // Whether the moment is wanted with every frame; then those so far come, too.
   | { kind: "watch"; on: boolean }
   // So many attempts of seeds from this one on, as fast as they go.
   | { kind: "batch"; seed: number; attempts: number }
@@ -175,8 +175,8 @@ export interface Frame {
   target: Float32Array;
   // What presses on the object, six numbers each: where (m), and with what force (N).
   contacts: Float32Array;
-  // If they are watched.
-  terms: Terms | null;
+  // If it is watched.
+  moment: Moment | null;
   // Since the attempt began.
   time: number;
   running: boolean;
@@ -239,14 +239,22 @@ export interface Tally {
   interval: [number, number];
 }
 
-// What a fabric keeps, and what the joints have left.
-export interface Terms {
+// One moment of an attempt.
+export interface Moment {
   // Half the square of the joint velocities (rad²/s²).
   energy: number;
   // Distance of the joint nearest to a limit from it (rad).
   margin: number;
-  // Greatest damping (1/s), where a policy acts.
+  // Greatest damping (1/s), where a fabric acts.
   damping: number | null;
+  // Norms of what its acceleration is the sum of (rad/s²), where a fabric acts.
+  terms: { geometry: number; energization: number; potential: number; damping: number } | null;
+}
+
+// The moments of the attempt so far, tick by tick.
+export interface Course {
+  kind: "course";
+  moments: Moment[];
 }
 
 // How one attempt of a batch ended.
@@ -292,6 +300,7 @@ export type FromWorker =
   | Ready
   | ObjectLoaded
   | Frame
+  | Course
   | Cloud
   | Progress
   | Model

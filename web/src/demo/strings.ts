@@ -38,6 +38,9 @@ export const BATCH = {
   stop: "Stop",
   ended: (seed: number, words: string) => `Seed ${seed}: ${words}`,
   watch: "Watch",
+  of: (name: string, words: string) => `${name}: ${words}`,
+  alone: (first: string, a: number, second: string, b: number, both: number) =>
+    `Of the ${both} that both tried, ${first} alone lifted ${a}, ${second} alone ${b}.`,
 } as const;
 
 export const PLAYBACK = {
@@ -93,6 +96,14 @@ export const INSIDE = {
   stands: (now: string, lower: string, upper: string) => `${now} rad, from ${lower} to ${upper}`,
   plots: {
     energy: { name: "Energy ½ q̇ᵀq̇", unit: "rad²/s²" },
+    terms: {
+      name: "What accelerates the joints",
+      unit: "rad/s²",
+      potential: "Potential",
+      damping: "Damping",
+      geometry: "Geometry",
+      energization: "Energization",
+    },
     damping: { name: "Damping λmax(B) + β", unit: "1/s" },
     margin: { name: "Nearest limit", unit: "rad" },
   },

@@ -1,6 +1,7 @@
 // All that one job or several measured, a chart for each quantity, with what they have in common set once.
 
 import { h } from "../common/dom";
+import { refusal } from "../common/parts";
 import { Chart, type Look } from "./chart";
 import { Course } from "./course";
 import type { Feed } from "./feed";
@@ -15,6 +16,8 @@ const CALM = 500;
 export class Charts {
   readonly element = h("section", { class: "charts", hidden: true });
   readonly #grid = h("div", { class: "grid" });
+  // Why what was measured before could not be had.
+  readonly #notice = h("div");
   readonly #charts = new Map<string, Chart>();
   readonly #courses: { course: Course; label: string }[];
   readonly #look: Look = remembered();
@@ -23,21 +26,31 @@ export class Charts {
   readonly #stop: () => void;
 
   constructor(feed: Feed, jobs: Job[]) {
-    this.element.append(h("h2", {}, CHARTS.title), this.#controls(), this.#grid);
+    this.element.append(h("h2", {}, CHARTS.title), this.#controls(), this.#notice, this.#grid);
     this.#courses = jobs.map((job) => ({
       course: new Course(job.id, Date.parse(job.started_at ?? job.created_at)),
       label: jobs.length === 1 ? CHARTS.value : title(job),
     }));
-    const refetch = () => Promise.all(this.#courses.map(({ course }) => course.fetch())).then(() => this.#draw());
-    void refetch().catch(() => {});
+    void this.#fetch();
     this.#stop = feed.listen({
       event: (event) => {
         const known = this.#courses.find(({ course }) => course.id === event.job);
         if (event.type === "metric" && known?.course.add(event)) this.#later();
       },
       // What was missed meanwhile is fetched.
-      connection: (state) => state === "live" && void refetch().catch(() => {}),
+      connection: (state) => state === "live" && void this.#fetch(),
     });
+  }
+
+  async #fetch(): Promise<void> {
+    try {
+      await Promise.all(this.#courses.map(({ course }) => course.fetch()));
+      this.#notice.replaceChildren();
+      this.#draw();
+    } catch (error) {
+      this.#notice.replaceChildren(refusal(error));
+      this.element.hidden = false;
+    }
   }
 
   close(): void {
@@ -60,7 +73,7 @@ export class Charts {
     const names = [...new Set(this.#courses.flatMap(({ course }) => course.names()))];
     const rank = (name: string) => (FIRST.findIndex((first) => name.startsWith(first)) + FIRST.length + 1) % (FIRST.length + 1);
     names.sort((a, b) => rank(a) - rank(b));
-    this.element.hidden = names.length === 0;
+    this.element.hidden = names.length === 0 && this.#notice.childElementCount === 0;
     for (const name of names) {
       let chart = this.#charts.get(name);
       if (!chart) {

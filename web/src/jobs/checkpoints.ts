@@ -2,7 +2,7 @@
 
 import { ask, type List } from "../common/api";
 import { h } from "../common/dom";
-import { link, section, table } from "../common/parts";
+import { link, refusal, section, table } from "../common/parts";
 import { number, size } from "../common/numbers";
 import { demo } from "./parts";
 import { CHECKPOINTS, DEMO } from "./strings";
@@ -19,7 +19,10 @@ export class Checkpoints {
     this.element = section(CHECKPOINTS.title, empty);
     this.element.hidden = true;
     const fetched = ask<List<Checkpoint>>(`jobs/${job}/checkpoints`);
-    fetched.then(({ data }) => data.forEach((one) => this.add(one))).catch(() => {});
+    fetched.then(({ data }) => data.forEach((one) => this.add(one))).catch((error: unknown) => {
+      this.element.append(refusal(error));
+      this.element.hidden = false;
+    });
   }
 
   add({ step, model_id, bytes, metrics }: Checkpoint): void {

@@ -144,12 +144,19 @@ export class Detail implements View {
     const id = this.#id;
     const job = this.#feed.jobs.get(id);
     if (!job || this.#isClosed) return;
-    const artifacts = await ask<List<Artifact>>(`jobs/${id}/artifacts`).catch(() => ({ data: [] }));
-    const report = job.kind === "policy.evaluate" && artifacts.data.find(({ name }) => name === "report.json");
-    const reports = report ? await ask<Evaluation[]>(`artifacts/${report.hash}`).catch(() => []) : [];
+    let artifacts: Artifact[] = [];
+    let reports: Evaluation[] = [];
+    let why: HTMLElement | null = null;
+    try {
+      artifacts = (await ask<List<Artifact>>(`jobs/${id}/artifacts`)).data;
+      const report = job.kind === "policy.evaluate" && artifacts.find(({ name }) => name === "report.json");
+      if (report) reports = await ask<Evaluation[]>(`artifacts/${report.hash}`);
+    } catch (error) {
+      why = refusal(error);
+    }
     this.#made.replaceChildren(
       ...(reports.length > 0 ? [section(EVALUATION.title, evaluations(reports))] : []),
-      section(JOB.made, outputs(job), files(artifacts.data)),
+      section(JOB.made, outputs(job), files(artifacts), why),
       section(JOB.told, facts(parameters(job))),
     );
   }

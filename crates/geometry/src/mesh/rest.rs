@@ -28,6 +28,11 @@ impl Rest {
     pub fn is_as_it_is(&self) -> bool {
         self.rotation.z_axis.z > 0.9986
     }
+
+    /// Whether what was along y is up then (within 3 degrees).
+    pub fn is_y_up(&self) -> bool {
+        self.rotation.y_axis.z > 0.9986
+    }
 }
 
 /// All ways to stand, the steadiest first; none if the points have no hull.

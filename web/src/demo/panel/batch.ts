@@ -11,8 +11,17 @@ export interface BatchEvents {
   send(message: ToWorker): void;
   // The seed from which the next attempts are drawn.
   seed(): number;
+  // The policy that acts, and the one that is beside it, if one is.
+  names(): string[];
   // Shows the attempt of this seed.
   replay(seed: number): void;
+}
+
+// Attempts of one policy.
+interface Row {
+  name: string;
+  attempted: Attempted[];
+  isOver: boolean;
 }
 
 export class BatchPanel {
@@ -22,17 +31,22 @@ export class BatchPanel {
   readonly #bar = element("batch-bar", HTMLProgressElement);
   readonly #csv = element("batch-csv", HTMLButtonElement);
   readonly #words = element("batch-words", HTMLElement);
+  readonly #beside = element("batch-beside", HTMLElement);
   readonly #failures = element("batch-failures", HTMLUListElement);
   readonly #places: Places;
-  #rows: Attempted[] = [];
+  // The policy that acts, and the one beside it, on the same seeds.
+  #rows: Row[] = [];
   #wanted = 0;
-  #isRunning = false;
 
   constructor(events: BatchEvents) {
     this.#events = events;
     this.#places = new Places((seed) => events.replay(seed));
     this.#run.addEventListener("click", () => (this.#isRunning ? events.send({ kind: "cancel" }) : this.#begin()));
     this.#csv.addEventListener("click", () => save("attempts.csv", new Blob([csv(this.#rows)], { type: "text/csv" })));
+  }
+
+  get #isRunning(): boolean {
+    return this.#rows.some(({ isOver }) => !isOver);
   }
 
   // Where objects may stand.
@@ -48,29 +62,32 @@ export class BatchPanel {
   #begin(): void {
     this.#forget();
     this.#wanted = Number(this.#count.value);
-    this.#isRunning = true;
-    this.#run.textContent = BATCH.stop;
-    this.#bar.hidden = false;
+    this.#rows = this.#events.names().map((name) => ({ name, attempted: [], isOver: false }));
     this.#show();
     this.#events.send({ kind: "batch", seed: this.#events.seed(), attempts: this.#wanted });
   }
 
-  add(row: Attempted): void {
-    this.#rows.push(row);
-    this.#places.add(row);
-    if (!row.lifted) this.#failures.append(this.#failure(row));
+  // An attempt of the policy that acts (0) or of the one beside it (1); its map and failures are those of the first.
+  add(row: Attempted, who: 0 | 1): void {
+    const own = this.#rows[who];
+    if (!own) return;
+    own.attempted.push(row);
+    if (who === 0) {
+      this.#places.add(row);
+      if (!row.lifted) this.#failures.append(this.#failure(row));
+    }
     this.#show();
   }
 
-  end(): void {
-    this.#isRunning = false;
-    this.#run.textContent = BATCH.run;
-    this.#bar.hidden = true;
+  // No more attempts come of one of them.
+  end(who: 0 | 1): void {
+    const row = this.#rows[who];
+    if (row) row.isOver = true;
+    this.#show();
   }
 
   // Another object or policy: what was counted is not about it.
   clear(): void {
-    this.end();
     this.#forget();
     this.#show();
   }
@@ -82,11 +99,14 @@ export class BatchPanel {
   }
 
   #show(): void {
-    const lifted = this.#rows.filter((row) => row.lifted).length;
-    this.#bar.max = this.#wanted;
-    this.#bar.value = this.#rows.length;
-    this.#words.textContent = this.#rows.length > 0 ? outOf(lifted, this.#rows.length) : "";
-    this.#csv.hidden = this.#rows.length === 0;
+    const [first, second] = this.#rows;
+    this.#run.textContent = this.#isRunning ? BATCH.stop : BATCH.run;
+    this.#bar.hidden = !this.#isRunning;
+    this.#bar.max = this.#wanted * this.#rows.length;
+    this.#bar.value = this.#rows.reduce((sum, { attempted }) => sum + attempted.length, 0);
+    this.#words.textContent = first && first.attempted.length > 0 ? told(first, second !== undefined) : "";
+    this.#beside.textContent = first && second && second.attempted.length > 0 ? `${told(second, true)} ${apart(first, second)}` : "";
+    this.#csv.hidden = !first || first.attempted.length === 0;
   }
 
   #failure({ seed, words }: Attempted): HTMLLIElement {
@@ -95,8 +115,22 @@ export class BatchPanel {
   }
 }
 
-function csv(rows: Attempted[]): string {
-  const line = ({ seed, pose, lifted, words, time, hash }: Attempted) =>
-    [seed, pose.x, pose.y, pose.yaw, lifted, `"${words}"`, time.toFixed(3), hash].join(",");
-  return ["seed,x_m,y_m,yaw_rad,lifted,verdict,seconds,state_hash", ...rows.map(line), ""].join("\n");
+function told({ name, attempted }: Row, isNamed: boolean): string {
+  const words = outOf(attempted.filter(({ lifted }) => lifted).length, attempted.length);
+  return isNamed ? BATCH.of(name, words) : words;
+}
+
+// Attempts that one of two lifted and the other did not, of the seeds that both have tried.
+function apart(first: Row, second: Row): string {
+  const seconds = new Map(second.attempted.map(({ seed, lifted }) => [seed, lifted]));
+  const both = first.attempted.filter(({ seed }) => seconds.has(seed));
+  const alone = (of: boolean) => both.filter(({ seed, lifted }) => lifted === of && seconds.get(seed) === !of).length;
+  return BATCH.alone(first.name, alone(true), second.name, alone(false), both.length);
+}
+
+function csv(rows: Row[]): string {
+  const line = (name: string, { seed, pose, lifted, words, time, hash }: Attempted) =>
+    [name, seed, pose.x, pose.y, pose.yaw, lifted, `"${words}"`, time.toFixed(3), hash].join(",");
+  const lines = rows.flatMap(({ name, attempted }) => attempted.map((row) => line(name, row)));
+  return ["policy,seed,x_m,y_m,yaw_rad,lifted,verdict,seconds,state_hash", ...lines, ""].join("\n");
 }

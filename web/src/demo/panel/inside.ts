@@ -1,7 +1,7 @@
 // What goes on inside: where every joint stands between its limits, and what the fabric keeps.
 
 import { element, h, svg } from "../../common/dom";
-import type { Frame, Joint, Terms, ToWorker } from "../protocol";
+import type { Course, Frame, Joint, Moment, ToWorker } from "../protocol";
 import { INSIDE } from "../strings";
 
 // In the order of Ready: the arm, then finger by finger.
@@ -15,33 +15,46 @@ const GROUPS: [string, number][] = [
 // Nearer to a limit than this share of the way is worth seeing.
 const NEAR = 0.03;
 
-const PLOTS: (keyof Terms)[] = ["energy", "damping", "margin"];
+// A plot of one or several quantities over the attempt; of several, each has its name.
+interface Plot {
+  of: [string, (moment: Moment) => number | null | undefined][];
+  lines: SVGPolylineElement[];
+  values: HTMLElement[];
+}
 
 export class InsidePanel {
   readonly #box = element("inside", HTMLDetailsElement);
   readonly #marks: HTMLElement[] = [];
   readonly #joints: Joint[] = [];
-  readonly #plots = new Map<keyof Terms, { line: SVGPolylineElement; value: HTMLElement }>();
-  #course: (Terms | null)[] = [];
+  readonly #plots: Plot[];
+  #course: (Moment | null)[] = [];
   readonly #send: (message: ToWorker) => void;
 
   constructor(send: (message: ToWorker) => void) {
     this.#send = send;
     this.#box.addEventListener("toggle", () => this.ask());
-    const plots = element("plots", HTMLElement);
-    for (const key of PLOTS) {
-      const { name, unit } = INSIDE.plots[key];
-      const line = svg("polyline");
-      const frame = { viewBox: "0 0 100 30", preserveAspectRatio: "none", "aria-hidden": "true" };
-      const value = h("span", { class: "is-number" });
-      plots.append(h("figure", {}, h("figcaption", {}, name, " ", value, ` ${unit}`), svg("svg", frame, line)));
-      this.#plots.set(key, { line, value });
-    }
+    const { energy, terms, damping, margin } = INSIDE.plots;
+    this.#plots = [
+      plot(energy, [["", (moment) => moment.energy]]),
+      plot(terms, [
+        [terms.potential, (moment) => moment.terms?.potential],
+        [terms.damping, (moment) => moment.terms?.damping],
+        [terms.geometry, (moment) => moment.terms?.geometry],
+        [terms.energization, (moment) => moment.terms?.energization],
+      ]),
+      plot(damping, [["", (moment) => moment.damping]]),
+      plot(margin, [["", (moment) => moment.margin]]),
+    ];
   }
 
-  // Says whether the terms are wanted.
+  // Says whether the moments are wanted.
   ask(): void {
     this.#send({ kind: "watch", on: this.#box.open });
+  }
+
+  // What was before anybody looked.
+  showCourse({ moments }: Course): void {
+    this.#course = moments;
   }
 
   limit(joints: Joint[]): void {
@@ -65,7 +78,7 @@ export class InsidePanel {
     return h("div", { class: "joint", role: "meter", tabindex: -1, "aria-label": name, ...range }, mark);
   }
 
-  show({ joints, terms, tick, ticks }: Frame): void {
+  show({ joints, moment, tick, ticks }: Frame): void {
     if (!this.#box.open) return;
     joints.forEach((q, i) => {
       const { lower, upper } = this.#joints[i]!;
@@ -78,22 +91,36 @@ export class InsidePanel {
       if (bar.ariaValueText !== text) [bar.ariaValueNow, bar.ariaValueText] = [q.toFixed(2), text];
     });
     if (ticks + 1 < this.#course.length) this.#course.length = 0;
-    this.#course[tick] = terms;
-    for (const [key, { line, value }] of this.#plots) {
-      const now = terms?.[key];
-      value.textContent = typeof now === "number" ? now.toPrecision(3) : "–";
-      line.setAttribute("points", points(this.#course, key, ticks));
-    }
+    this.#course[tick] = moment;
+    for (const plot of this.#plots) this.#draw(plot, moment, ticks);
+  }
+
+  // From the first tick to the last, the greatest value of all its lines at the top.
+  #draw({ of, lines, values }: Plot, moment: Moment | null, ticks: number): void {
+    const known = of.map(([, value]) => {
+      const points: [number, number][] = [];
+      this.#course.forEach((moment, tick) => {
+        const y = moment && value(moment);
+        if (typeof y === "number" && Number.isFinite(y)) points.push([tick, y]);
+      });
+      return points;
+    });
+    const most = Math.max(1e-9, ...known.flat().map(([, y]) => y));
+    const at = ([tick, y]: [number, number]) => `${((100 * tick) / Math.max(1, ticks)).toFixed(2)},${(29 - (28 * y) / most).toFixed(2)}`;
+    known.forEach((points, i) => {
+      lines[i]!.setAttribute("points", points.map(at).join(" "));
+      const now = moment && of[i]![1](moment);
+      values[i]!.textContent = typeof now === "number" ? now.toPrecision(3) : "–";
+    });
   }
 }
 
-// From the first tick to the last, the greatest value at the top.
-function points(course: (Terms | null)[], key: keyof Terms, ticks: number): string {
-  const known: [number, number][] = [];
-  course.forEach((terms, tick) => {
-    const value = terms?.[key];
-    if (typeof value === "number" && Number.isFinite(value)) known.push([tick, value]);
-  });
-  const most = Math.max(1e-9, ...known.map(([, value]) => value));
-  return known.map(([tick, value]) => `${((100 * tick) / Math.max(1, ticks)).toFixed(2)},${(29 - (28 * value) / most).toFixed(2)}`).join(" ");
+function plot({ name, unit }: { name: string; unit: string }, of: Plot["of"]): Plot {
+  const lines = of.map(() => svg("polyline"));
+  const values = of.map(() => h("span", { class: "is-number" }));
+  const named = of.map(([own], i) => h("span", { class: own ? "series" : null }, own, " ", values[i]!));
+  const frame = { viewBox: "0 0 100 30", preserveAspectRatio: "none", "aria-hidden": "true" };
+  const caption = h("figcaption", {}, name, of.length > 1 ? ` (${unit})` : "", " ", ...named, of.length > 1 ? "" : ` ${unit}`);
+  element("plots", HTMLElement).append(h("figure", {}, caption, svg("svg", frame, ...lines)));
+  return { of, lines, values };
 }

@@ -4,7 +4,8 @@ export function onKeys(actions: Record<string, () => void>, other: (key: string)
   addEventListener("keydown", (event) => {
     if (event.ctrlKey || event.metaKey || event.altKey || isTaken(event)) return;
     if (document.querySelector("dialog[open]")) return;
-    const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
+    const held = event.shiftKey && event.key.startsWith("Arrow") ? "Shift+" : "";
+    const key = event.key.length === 1 ? event.key.toLowerCase() : held + event.key;
     const action = actions[key];
     // A key that is held moves the object on, but presses a button once.
     if (action && !event.repeat) action();

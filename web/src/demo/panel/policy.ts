@@ -13,9 +13,12 @@ export class PolicyPicker {
     this.#choice.addEventListener("change", () => choose(this.#choice.value));
   }
 
-  // Who acts now: where another one could not be had, the one before still does.
+  // Who acts now: where another one could not be had, the one before still does. None is chosen while the planner acts.
   show(id: string | null): void {
-    if (id === null) return;
+    if (id === null) {
+      this.#choice.selectedIndex = -1;
+      return;
+    }
     offer(this.#choice, id);
     this.#choice.value = id;
     const address = new URL(location.href);

@@ -1,6 +1,6 @@
 // The viewer's camera: orbit by hand, fly to a preset.
 
-import { MathUtils, PerspectiveCamera, Vector3 } from "three";
+import { MathUtils, PerspectiveCamera, Quaternion, Spherical, Vector3 } from "three";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
 import type { Box, DepthCamera } from "../protocol";
 
@@ -19,6 +19,8 @@ const PRESETS: Record<Exclude<Preset, "sensor">, { from: number[]; at: number[] 
   top: { from: [-0.15, -0.001, 2.9], at: [-0.15, 0, 0] },
 };
 const FLIGHT_MS = 500;
+// From z upwards, as here, to y upwards, as angles on a sphere are counted.
+const UPRIGHT = new Quaternion().setFromUnitVectors(new Vector3(0, 0, 1), new Vector3(0, 1, 0));
 // The presets are framed for this angle (degrees) and shape; a narrower window widens the angle.
 const FIELD_OF_VIEW = 32;
 const ASPECT = 1;
@@ -65,6 +67,25 @@ export class Viewpoint {
     const end = this.#find(preset);
     const start = { from: this.camera.position.clone(), at: this.controls.target.clone() };
     this.#flight = { begin: atOnce ? -Infinity : now, start, end };
+  }
+
+  // Turns about what is looked at: to the right and up (rad). The table is not looked at from below.
+  turn(right: number, up: number): void {
+    this.#flight = null;
+    const off = this.camera.position.clone().sub(this.controls.target).applyQuaternion(UPRIGHT);
+    const at = new Spherical().setFromVector3(off);
+    at.theta += right;
+    at.phi = MathUtils.clamp(at.phi - up, 0.01, this.controls.maxPolarAngle);
+    this.camera.position.setFromSpherical(at).applyQuaternion(UPRIGHT.clone().invert()).add(this.controls.target);
+  }
+
+  // Goes nearer by this share of the distance, or away.
+  approach(share: number): void {
+    this.#flight = null;
+    const off = this.camera.position.clone().sub(this.controls.target);
+    const { minDistance, maxDistance } = this.controls;
+    off.setLength(MathUtils.clamp(off.length() * (1 - share), minDistance, maxDistance));
+    this.camera.position.copy(this.controls.target).add(off);
   }
 
   // Position, then what is looked at.

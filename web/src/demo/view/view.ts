@@ -20,6 +20,16 @@ export type Layer = "cloud" | "reconstruction" | "hulls" | "forces" | "trail" | 
 // While the hand has to do with the object.
 const ACTS: Phase[] = ["policy", "lift", "hold"];
 
+// What a key turns the viewer by (rad, to the right and up), or takes it nearer by.
+const TURN = Math.PI / 24;
+const TURNS: Record<string, [number, number]> = {
+  "Shift+ArrowLeft": [-TURN, 0],
+  "Shift+ArrowRight": [TURN, 0],
+  "Shift+ArrowUp": [0, TURN],
+  "Shift+ArrowDown": [0, -TURN],
+};
+const NEARER: Record<string, number> = { "+": 0.1, "=": 0.1, "-": -0.1 };
+
 // What has not moved for so long rests (milliseconds).
 const REST = 300;
 
@@ -151,6 +161,17 @@ export class View {
   look(preset: Preset): void {
     this.#viewpoint.goTo(preset, performance.now());
     this.#wake();
+  }
+
+  // Turns the viewer about what is looked at, or takes it nearer, by a key.
+  step(key: string): boolean {
+    const turn = TURNS[key];
+    const share = NEARER[key];
+    if (turn) this.#viewpoint.turn(...turn);
+    else if (share) this.#viewpoint.approach(share);
+    else return false;
+    this.#wake();
+    return true;
   }
 
   // Where the viewer stands and looks.
