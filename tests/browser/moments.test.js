@@ -56,8 +56,10 @@ test("what goes on inside is shown for every joint and over time", async () => {
   await page.click("#inside summary");
   await grasp(page, 0);
   assert.equal(await page.locator(".joint").count(), 23);
+  // Energy, four terms of the fabric, damping, margin; in the end every tick is there, however fast it went.
+  const ticks = Number(await page.getAttribute("#timeline", "max")) + 1;
+  await page.waitForFunction((ticks) => document.querySelector("#plots polyline").getAttribute("points").split(" ").length === ticks, ticks);
   const watched = await lines();
-  // Energy, four terms of the fabric, damping, margin.
   assert.equal(watched.length, 7);
   assert.ok(watched.every((points) => points.split(" ").length > 30), String(watched));
   // Whoever looks only afterwards sees the same.
@@ -189,9 +191,9 @@ test("two policies are counted on the same seeds", async () => {
   await page.waitForFunction(() => document.getElementById("who-2").textContent === "mlp-pcd");
   await page.click("#batch-run");
   await page.waitForFunction(() => document.getElementById("batch-run").textContent === "Run");
-  assert.match(await page.textContent("#batch-words"), /^default: \d+ of 20$/);
+  assert.match(await page.textContent("#batch-words"), /^\d+ of 20$/);
   const beside = await page.textContent("#batch-beside");
-  assert.match(beside, /^mlp-pcd: \d+ of 20 Of the 20 that both tried, default alone lifted \d+, mlp-pcd alone \d+\.$/);
+  assert.match(beside, /^mlp-pcd: \d+ of 20\. Of the 20 that both tried, default alone lifted \d+, mlp-pcd alone \d+\.$/);
   const [download] = await Promise.all([page.waitForEvent("download"), page.click("#batch-csv")]);
   const rows = readFileSync(await download.path(), "utf8").trim().split("\n").slice(1).map((line) => line.split(","));
   const lifted = (name) => rows.filter((row) => row[0] === name).map((row) => row[5] === "true");
@@ -205,7 +207,7 @@ test("two policies are counted on the same seeds", async () => {
   await page.waitForFunction(() => /1 of|2 of/.test(document.getElementById("batch-beside").textContent));
   await page.selectOption("#compare", "");
   await page.waitForFunction(() => document.getElementById("batch-run").textContent === "Run");
-  assert.match(await page.textContent("#batch-words"), /: 20 of 20$|: 1\d of 20$/);
+  assert.match(await page.textContent("#batch-words"), /^\d+ of 20$/);
   assert.deepEqual(complaints, []);
   await page.close();
 });

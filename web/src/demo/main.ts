@@ -254,6 +254,7 @@ function receive(message: FromWorker): void {
       share.showVerdict(message);
       opening.showVerdict(message);
       comparison.showVerdict(message);
+      inside.end();
       arrival?.showVerdict(message);
       break;
     case "attempted":

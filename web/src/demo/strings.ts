@@ -38,7 +38,7 @@ export const BATCH = {
   stop: "Stop",
   ended: (seed: number, words: string) => `Seed ${seed}: ${words}`,
   watch: "Watch",
-  of: (name: string, words: string) => `${name}: ${words}`,
+  of: (name: string, counted: string, apart: string) => `${name}: ${counted}. ${apart}`,
   alone: (first: string, a: number, second: string, b: number, both: number) =>
     `Of the ${both} that both tried, ${first} alone lifted ${a}, ${second} alone ${b}.`,
 } as const;

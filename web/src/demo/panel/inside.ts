@@ -52,7 +52,12 @@ export class InsidePanel {
     this.#send({ kind: "watch", on: this.#box.open });
   }
 
-  // What was before anybody looked.
+  // An attempt has ended: what came between two pictures is plotted, too.
+  end(): void {
+    if (this.#box.open) this.ask();
+  }
+
+  // What was before anybody looked, and between.
   showCourse({ moments }: Course): void {
     this.#course = moments;
   }
