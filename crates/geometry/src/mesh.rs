@@ -1,6 +1,6 @@
 //! Triangle meshes: read from untrusted bytes, healed, given a unit, weighed, split into convex parts.
 //!
-//! In: the bytes of an OBJ, STL, PLY or GLB file. Out: a `Mesh` in metres, with a report of what was done
+//! In: the bytes of an OBJ, STL, PLY, OFF or GLB file. Out: a `Mesh` in metres, with a report of what was done
 //! to it. Knows nothing of files, names or physics.
 
 mod accessor;
@@ -10,6 +10,7 @@ mod heal;
 mod hull;
 mod mass;
 mod obj;
+mod off;
 mod parts;
 mod ply;
 mod ply_header;
@@ -33,7 +34,6 @@ pub use read::{MAX_BYTES, MAX_TRIANGLES, read};
 pub use report::Report;
 pub use rest::{Rest, rests};
 pub use unit::{Unit, UnitGuess, guess};
-pub use upright::is_drawn_y_up;
 
 use crate::Vec3;
 
@@ -55,6 +55,8 @@ pub struct Import {
     pub unit: UnitGuess,
     /// What was repaired, and what is still open.
     pub healing: Healing,
+    /// Whether it looks drawn with y up, in a file that does not say which way is.
+    pub is_drawn_y_up: bool,
 }
 
 /// Longest side (m) that an object on the table may have.
@@ -70,7 +72,8 @@ pub fn import(bytes: &[u8], unit: Option<Unit>) -> Result<Import, MeshError> {
     if !SIZES.contains(&longest) {
         return Err(MeshError::Size { longest, unit: unit.unit });
     }
-    Ok(Import { mesh, unit, healing })
+    let is_drawn_y_up = !read::says_up(bytes) && upright::is_drawn_y_up(&mesh);
+    Ok(Import { mesh, unit, healing, is_drawn_y_up })
 }
 
 impl Mesh {

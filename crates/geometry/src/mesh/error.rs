@@ -28,7 +28,7 @@ impl fmt::Display for Place {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum MeshError {
     /// There is nothing in the file.
-    #[error("the file is empty: expected a mesh as OBJ, STL, PLY or GLB. Export it again")]
+    #[error("the file is empty: expected a mesh as OBJ, STL, PLY, OFF or GLB. Export it again")]
     Empty,
     /// More bytes than are read at all.
     #[error(
@@ -54,7 +54,7 @@ pub enum MeshError {
     },
     /// The bytes are of some other kind.
     #[error(
-        "this looks like {found}, not a mesh: expected OBJ, STL, PLY or GLB. Export it as one of these"
+        "this looks like {found}, not a mesh: expected OBJ, STL, PLY, OFF or GLB. Export it as one of these"
     )]
     NotAMesh {
         /// What the bytes look like.

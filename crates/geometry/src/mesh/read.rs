@@ -5,7 +5,7 @@
 //! binary STL's length over its header, and does not say at which line an index is wrong; ply-rs-bw loops as
 //! often as the header claims for elements without properties, and refuses numbers such as `1.`.
 
-use super::{Mesh, MeshError, Place, glb, obj, ply, stl};
+use super::{Mesh, MeshError, Place, glb, obj, off, ply, stl};
 use crate::Vec3;
 
 /// Largest file that is read (bytes).
@@ -18,7 +18,7 @@ pub(super) const MAX_VERTICES: usize = 3 * MAX_TRIANGLES;
 /// Largest coordinate (units of the file); its cube still fits single precision.
 const MAX_COORDINATE: f32 = 1e9;
 
-/// Reads a mesh in the units of its file: OBJ, STL (text or binary), PLY (text or binary) or GLB, z up.
+/// Reads a mesh in the units of its file: OBJ, STL (text or binary), PLY (text or binary), OFF or GLB, z up.
 pub fn read(bytes: &[u8]) -> Result<Mesh, MeshError> {
     if bytes.len() > MAX_BYTES {
         return Err(MeshError::TooLarge { found: bytes.len(), limit: MAX_BYTES });
@@ -31,6 +31,8 @@ pub fn read(bytes: &[u8]) -> Result<Mesh, MeshError> {
         glb::read(bytes)
     } else if bytes.starts_with(b"ply\n") || bytes.starts_with(b"ply\r") {
         ply::read(bytes)
+    } else if off::is_off(bytes) {
+        off::read(bytes)
     } else if let Some(found) = other_kind(bytes) {
         Err(MeshError::NotAMesh { found })
     } else if stl::is_binary(bytes) {
@@ -46,9 +48,14 @@ pub fn read(bytes: &[u8]) -> Result<Mesh, MeshError> {
     }
 }
 
+/// Whether a file of this kind says which way is up.
+pub(super) fn says_up(bytes: &[u8]) -> bool {
+    bytes.starts_with(b"glTF")
+}
+
 /// What people drop by mistake, by its first bytes.
 fn other_kind(bytes: &[u8]) -> Option<&'static str> {
-    let kinds: [(&[u8], &str); 13] = [
+    let kinds: [(&[u8], &str); 12] = [
         (b"\x89PNG", "a PNG picture"),
         (b"\xff\xd8\xff", "a JPEG picture"),
         (b"GIF8", "a GIF picture"),
@@ -59,7 +66,6 @@ fn other_kind(bytes: &[u8]) -> Option<&'static str> {
         (b"Kaydara FBX", "an FBX file"),
         (b"BLENDER", "a Blender file"),
         (b"ISO-10303-21", "a STEP file"),
-        (b"OFF", "an OFF file"),
         (b"{", "JSON, perhaps a .gltf file"),
         (b"[", "JSON"),
     ];

@@ -31,7 +31,7 @@ pub struct Report {
 impl Report {
     /// What is to be said of a mesh that was read.
     pub fn of(import: &Import) -> Result<Self, MeshError> {
-        let Import { mesh, unit, healing } = import;
+        let Import { mesh, unit, healing, .. } = import;
         let solid = solid(mesh, healing.watertight)?;
         let left_out = healing.degenerate_triangles + healing.duplicate_triangles;
         Ok(Self {

@@ -65,6 +65,7 @@ pub(super) fn all(mesh: &Mesh) -> Vec<(&'static str, Vec<u8>)> {
         ("text ply", ply_text(mesh)),
         ("little-endian ply", ply_binary(mesh, false)),
         ("big-endian ply", ply_binary(mesh, true)),
+        ("off", off(mesh)),
         ("glb", glb(mesh)),
     ]
 }
@@ -76,6 +77,17 @@ pub(super) fn obj(mesh: &Mesh) -> Vec<u8> {
     }
     for [a, b, c] in mesh.triangles.iter().map(|t| t.map(|i| i + 1)) {
         text += &format!("f {a} {b} {c}\n");
+    }
+    text.into_bytes()
+}
+
+fn off(mesh: &Mesh) -> Vec<u8> {
+    let mut text = format!("OFF\n{} {} 0\n", mesh.vertices.len(), mesh.triangles.len());
+    for v in &mesh.vertices {
+        text += &format!("{} {} {}\n", v.x, v.y, v.z);
+    }
+    for [a, b, c] in &mesh.triangles {
+        text += &format!("3 {a} {b} {c}\n");
     }
     text.into_bytes()
 }

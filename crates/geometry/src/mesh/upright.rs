@@ -9,7 +9,7 @@ const MIDDLE: f32 = 0.05;
 
 /// Whether a mesh looks drawn with y up, as films and games have it: its foot on the plane y = 0, its middle over the
 /// origin in z.
-pub fn is_drawn_y_up(mesh: &Mesh) -> bool {
+pub(super) fn is_drawn_y_up(mesh: &Mesh) -> bool {
     let ([low, high], size) = (mesh.bounds(), mesh.extent());
     let stands_on_y = low.y.abs() <= FOOT * size.y;
     stands_on_y && (low.z + high.z).abs() <= 2.0 * MIDDLE * size.z
