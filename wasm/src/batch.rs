@@ -6,6 +6,7 @@ use rollout::{Attempt, RolloutError};
 
 /// Attempts of seeds one after another with what stands on the stage.
 pub(crate) struct Batch {
+    run: u32,
     seed: u32,
     left: u32,
     current: Option<Attempt>,
@@ -13,8 +14,13 @@ pub(crate) struct Batch {
 
 impl Batch {
     /// So many, from this seed on.
-    pub(crate) fn new(seed: u32, attempts: u32) -> Self {
-        Self { seed, left: attempts, current: None }
+    pub(crate) fn new(run: u32, seed: u32, attempts: u32) -> Self {
+        Self { run, seed, left: attempts, current: None }
+    }
+
+    /// Its number.
+    pub(crate) fn run(&self) -> u32 {
+        self.run
     }
 
     /// Whether all are done.
@@ -32,7 +38,7 @@ impl Batch {
         };
         attempt.tick(&stage.workcell);
         let Some(verdict) = attempt.verdict() else { return Ok(None) };
-        let told = stage.attempted(attempt, verdict);
+        let told = stage.attempted(self.run, attempt, verdict);
         self.current = None;
         self.seed = self.seed.wrapping_add(1);
         self.left -= 1;

@@ -66,6 +66,8 @@ pub(crate) enum ToWorker {
     Batch {
         seed: u32,
         attempts: u32,
+        /// Said with all that comes of it.
+        run: u32,
     },
     /// Pull at a point of the object (its frame) towards a point; null lets go.
     Pull {
@@ -134,7 +136,9 @@ pub(crate) enum FromWorker {
     /// An attempt of a batch has ended.
     Attempted(Attempted),
     /// A batch has ended.
-    BatchOver,
+    BatchOver {
+        run: u32,
+    },
     /// A search has ended.
     Found(Found),
     File(File),
@@ -353,6 +357,8 @@ pub(crate) struct Model {
 /// How one attempt of a batch ended.
 #[derive(Serialize)]
 pub(crate) struct Attempted {
+    /// Of the batch.
+    pub(crate) run: u32,
     pub(crate) seed: u32,
     pub(crate) pose: PlanarPose,
     pub(crate) lifted: bool,

@@ -236,12 +236,18 @@ impl Stage {
     }
 
     /// How an attempt of a batch ended, which counts it.
-    pub(crate) fn attempted(&mut self, attempt: &Attempt, verdict: rollout::Verdict) -> Attempted {
+    pub(crate) fn attempted(
+        &mut self,
+        run: u32,
+        attempt: &Attempt,
+        verdict: rollout::Verdict,
+    ) -> Attempted {
         let [x, y, yaw] = attempt.pose();
         let seed = attempt.seed() as u32;
         let attempts = self.attempts.entry(self.actors()).or_default();
         attempts.count(seed, attempt.pose(), verdict.is_lifted());
         Attempted {
+            run,
             seed,
             pose: PlanarPose { x, y, yaw },
             lifted: verdict.is_lifted(),

@@ -76,7 +76,7 @@ pub(crate) fn read(file_name: &str, bytes: &[u8], told: Told) -> Result<Loaded, 
         }
     };
     let import = mesh::import(bytes, told.unit.map(Unit::geometry)).map_err(unusable)?;
-    let Import { mesh, unit, healing } = import;
+    let Import { mesh, unit, healing, is_drawn_y_up } = import;
     let solid = mesh::solid(&mesh, healing.watertight).map_err(unusable)?;
     let mut notes = notes(&healing, solid.from_hull);
     let guessed = DENSITY * solid.volume;
@@ -92,14 +92,12 @@ pub(crate) fn read(file_name: &str, bytes: &[u8], told: Told) -> Result<Loaded, 
     let mut rests = mesh::rests(&mesh.vertices, solid.center);
     // What is round has many sides, each steadier than to stand upright.
     let stays = rests.is_empty() || rests.iter().any(mesh::Rest::is_as_it_is);
-    let drawn = rests.iter().position(mesh::Rest::is_y_up).filter(|_| mesh::is_drawn_y_up(&mesh));
-    let drawn = drawn.map(|side| {
-        // It is one of those that are offered.
-        let offered = side.min(MOST_RESTS - 1);
-        rests.swap(side, offered);
-        offered
-    });
+    let drawn = rests.iter().position(mesh::Rest::is_y_up).filter(|_| is_drawn_y_up);
+    let far = drawn.filter(|side| *side >= MOST_RESTS).map(|side| rests.remove(side));
     rests.truncate(MOST_RESTS);
+    // It is one of those that are offered.
+    rests.extend(far);
+    let drawn = drawn.map(|side| side.min(MOST_RESTS));
     let stands = told.stands.unwrap_or_else(|| {
         if let Some(side) = drawn {
             notes.push("Its file looks drawn with y up, and it stands so.".into());
@@ -265,7 +263,7 @@ mod tests {
     #[test]
     fn what_was_drawn_with_y_up_stands_up() {
         let report = bottle(true);
-        assert_eq!(report.stands, Some(Stands::On(MOST_RESTS - 1)));
+        assert_eq!((report.stands, report.sides), (Some(Stands::On(MOST_RESTS)), MOST_RESTS + 1));
         assert!((report.extent_cm[2] - 20.0).abs() < 1e-3 && report.watertight);
         assert!(report.notes.iter().any(|note| note.contains("y up")), "{:?}", report.notes);
     }

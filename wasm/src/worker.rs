@@ -160,8 +160,9 @@ impl Worker {
                 self.stage.pull(pull);
                 self.await_tick();
             }
-            ToWorker::Batch { seed, attempts } => {
-                self.batch = Some(Batch::new(seed, attempts));
+            ToWorker::Batch { seed, attempts, run } => {
+                self.end_batch();
+                self.batch = Some(Batch::new(run, seed, attempts));
                 self.await_tick();
             }
             ToWorker::Cancel => self.end_batch(),
@@ -280,8 +281,8 @@ impl Worker {
     }
 
     fn end_batch(&mut self) {
-        if self.batch.take().is_some() {
-            post(&FromWorker::BatchOver);
+        if let Some(batch) = self.batch.take() {
+            post(&FromWorker::BatchOver { run: batch.run() });
         }
     }
 

@@ -28,7 +28,7 @@ struct Sides {
 /// most to the share of attempts that lift, over object poses. The one that lifts the most comes first: it is taken
 /// wherever it serves.
 ///
-/// Of each grasp: the share of its trials that it lifts ([`crate::tolerance::share`]), and where it serves
+/// Of each grasp: the share of its trials that it lifts ([`crate::tolerance::share_among`]), and where it serves
 /// ([`crate::tolerance::served`]).
 pub fn choose(
     object: &Object,
@@ -57,15 +57,15 @@ pub fn choose(
 /// Every grasp that lifts, alone and with each that may be its other side: one that seldom does is better than none
 /// where no other reaches.
 fn with_other_sides(object: &Object, found: &[Scored], shares: &[f64]) -> Vec<Vec<usize>> {
-    let sound: Vec<usize> = (0..found.len()).filter(|&i| shares[i] > 0.0).collect();
+    let lifting: Vec<usize> = (0..found.len()).filter(|&i| shares[i] > 0.0).collect();
     let pose = |i: usize| &found[i].grasp.object_from_palm;
     let of_one = |&one: &usize| {
         let turned = half_turn(object, pose(one));
         let is_other = |&i: &usize| i != one && cluster::distance(&turned, pose(i)) < OTHER_SIDE;
-        let others = sound.iter().copied().filter(is_other).map(|other| vec![one, other]);
+        let others = lifting.iter().copied().filter(is_other).map(|other| vec![one, other]);
         std::iter::once(vec![one]).chain(others).collect::<Vec<_>>()
     };
-    sound.iter().flat_map(of_one).collect()
+    lifting.iter().flat_map(of_one).collect()
 }
 
 /// One after another the sides that add the most, until `count` are chosen or little is added; no grasp twice. What adds
@@ -146,7 +146,7 @@ mod tests {
         };
         let top = robot::Isometry::translation(0.05, 0.0, 0.3);
         let found = [scored(top), scored(half_turn(&object, &top)), scored(top)];
-        let all = with_other_sides(&object, &found, &[0.9, 0.8, 0.0]);
+        let all = with_other_sides(&object, &found, &[0.9, 0.3, 0.0]);
         assert_eq!(all, [vec![0], vec![0, 1], vec![1], vec![1, 0]]);
     }
 }

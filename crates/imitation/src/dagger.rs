@@ -131,7 +131,7 @@ pub fn train(
     if !lessons.iter().any(Lesson::is_full) {
         bail!("there are no demonstrations to learn from");
     }
-    let sampler = Sampler::new(lessons);
+    let sampler = Sampler::new(lessons, &tree.limits);
     let mut rng = ChaCha8Rng::seed_from_u64(config.seed);
     let mut params = Params::default();
     network::init(&mut params, &config.policy, &mut rng)?;

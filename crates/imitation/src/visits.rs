@@ -5,7 +5,7 @@ use crate::dagger::DaggerConfig;
 use crate::lesson::Lesson;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
-use robot::{ARM, JointState, JointVector};
+use robot::{ARM, JointState, JointVector, Limits};
 
 /// Distance (rad, norm) from the nearest demonstration at which a roll-out is given up.
 const STRAYED: f64 = 0.6;
@@ -23,11 +23,13 @@ pub(crate) struct Visit {
 pub(crate) struct Sampler<'a> {
     lessons: &'a [Lesson],
     full: Vec<usize>,
+    limits: &'a Limits,
 }
 
 impl<'a> Sampler<'a> {
-    pub(crate) fn new(lessons: &'a [Lesson]) -> Self {
-        Self { lessons, full: (0..lessons.len()).filter(|&i| lessons[i].is_full()).collect() }
+    pub(crate) fn new(lessons: &'a [Lesson], limits: &'a Limits) -> Self {
+        let full = (0..lessons.len()).filter(|&i| lessons[i].is_full()).collect();
+        Self { lessons, full, limits }
     }
 
     /// States of several batches. Horizons are staggered, so that they are not all drawn anew at once.
@@ -67,6 +69,7 @@ impl<'a> Sampler<'a> {
         let position = |joint: usize| if joint < ARM { arm } else { hand };
         state.q += JointVector::from_fn(|i, _| rng.random_range(-position(i)..=position(i)));
         state.qd += JointVector::from_fn(|_, _| rng.random_range(-velocity..=velocity));
+        let state = self.limits.stop(&state);
         Visit { lesson, encoding, state, left: length(config.horizon) }
     }
 }
@@ -118,13 +121,15 @@ mod tests {
     use super::*;
     use crate::lesson::{introduce, starts};
     use rand::SeedableRng;
+    use robot::Tree;
 
     #[test]
     fn an_attempt_begins_at_the_start_of_another_pose_turned_to_the_bearing_that_is_seen() {
         let mut lessons: Vec<Lesson> = (0..6).map(|k| lesson(k / 2, [0.0, 0.7][k % 2])).collect();
         let among = starts(&lessons);
         introduce(&mut lessons, &among);
-        let sampler = Sampler::new(&lessons);
+        let limits = Tree::iiwa7_allegro().unwrap().limits;
+        let sampler = Sampler::new(&lessons, &limits);
         let config = DaggerConfig { start_share: 1.0, ..tiny() };
         let mut rng = ChaCha8Rng::seed_from_u64(1);
         for _ in 0..40 {
@@ -143,8 +148,9 @@ mod tests {
 
     #[test]
     fn drawn_states_stay_within_the_noise() {
-        let lessons = [lesson(0, 0.0)];
-        let sampler = Sampler::new(&lessons);
+        let lessons = [lesson(3, 0.0)];
+        let limits = Tree::iiwa7_allegro().unwrap().limits;
+        let sampler = Sampler::new(&lessons, &limits);
         let config = tiny();
         let mut rng = ChaCha8Rng::seed_from_u64(2);
         for _ in 0..40 {
@@ -153,6 +159,8 @@ mod tests {
             let off = visit.state.q - lessons[0].demonstrations.state(nearest).q;
             assert!(off.amax() <= 0.12 + 0.04 && visit.state.qd.amax() <= 0.3);
             assert_eq!(visit.left, 1, "roll-outs begin with one step");
+            // As in attempts no joint is beyond its limits; the thumb's first begins at one there.
+            assert!(limits.contains(&visit.state.q, 0.0), "{}", visit.state.q);
         }
     }
 }

@@ -156,7 +156,7 @@ impl Chooser<'_> {
             false => tolerance::served(robot, object, &found.grasp),
         };
         let served: Vec<Vec<bool>> = self.each("reach", found.par_iter().zip(&shares), served)?;
-        let sound = shares.iter().filter(|share| **share > 0.0).count();
+        let lifting = shares.iter().filter(|share| **share > 0.0).count();
         Ok(GraspSet {
             grasps: choice::choose(object, &found, &shares, &served, kinds),
             proposed: 0,
@@ -164,7 +164,7 @@ impl Chooser<'_> {
             tried: 0,
             lifted: 0,
             reliable: found.len(),
-            confirmed: [found.len(), sound],
+            confirmed: [found.len(), lifting],
         })
     }
 

@@ -15,18 +15,21 @@ pub fn wilson95(k: usize, n: usize) -> [f64; 2] {
 ///
 /// Trials with one object are alike, and count for less than as many with different ones: n is divided by how much more
 /// the objects' rates differ than those of coins would, and by what so few objects tell of that (Korn & Graubard, Survey
-/// Methodology 24, 1998). Of a single object it is [`wilson95`].
+/// Methodology 24, 1998). A single object
+/// tells nothing of others: of one it is [`wilson95`], for attempts with that one.
 pub fn wilson95_among(counts: &[(usize, usize)]) -> [f64; 2] {
     let [k, n] = [|c: &(usize, usize)| c.0, |c: &(usize, usize)| c.1]
         .map(|part| counts.iter().map(part).sum::<usize>());
     let counts: Vec<_> = counts.iter().filter(|(_, n)| *n > 0).collect();
-    if counts.len() < 2 || k == 0 || k == n {
+    if counts.len() < 2 {
         return wilson95(k, n);
     }
     let (p, objects) = (k as f64 / n as f64, counts.len() as f64);
     let off = counts.iter().map(|(k, n)| *k as f64 - p * *n as f64);
     let variance = objects / (objects - 1.0) * off.map(|off| off * off).sum::<f64>();
-    let more = (variance / (n as f64 * p * (1.0 - p))).max(1.0);
+    // Where all were lifted, or none, objects do not differ.
+    let of_coins = n as f64 * p * (1.0 - p);
+    let more = if of_coins > 0.0 { (variance / of_coins).max(1.0) } else { 1.0 };
     let (of_trials, of_objects) = (student(n - 1), student(counts.len() - 1));
     let fewer = (of_trials / of_objects) * (of_trials / of_objects);
     wilson(p, n as f64 / more * fewer)
@@ -116,6 +119,9 @@ mod tests {
         let [of_all, among] = [wilson95(720, 900), wilson95_among(&[(24, 30); 30])];
         let off = (0..2).map(|i| (of_all[i] - among[i]).abs()).fold(0.0, f64::max);
         assert!(off < 2e-3, "{of_all:?}, {among:?}");
+        // Few objects tell little, also where all were lifted.
+        let [all, nearly] = [[28, 28], [27, 28]].map(|k| wilson95_among(&k.map(|k| (k, 28))));
+        assert!(all[0] < 0.5 && nearly[0] < 0.5 && all[1] > 0.999, "{all:?}, {nearly:?}");
         assert_eq!(wilson95_among(&[(5, 9), (0, 0)]), wilson95(5, 9));
         assert_eq!(wilson95_among(&[]), [0.0, 1.0]);
     }

@@ -12,9 +12,9 @@ export interface ComparisonEvents {
   now(): ToWorker[];
   // The second picture, if there can be one.
   picture(): View | null;
-  // How the second policy did in a row of attempts, and that the row is over.
+  // How the second policy did in a row of attempts, and that a row is over; null is whichever it was.
   attempted(row: Attempted): void;
-  over(): void;
+  over(run: number | null): void;
   tell(failure: Failure): void;
 }
 
@@ -49,7 +49,9 @@ export class Comparison {
 
   // Who takes part in a row of attempts.
   get names(): string[] {
-    return this.#engine && this.#isReady ? [this.#first, this.#choice.value] : [this.#first];
+    const second = this.#choice.value;
+    if (!this.#engine || !this.#isReady) return [this.#first];
+    return [this.#first, second === this.#first ? COMPARISON.again(second) : second];
   }
 
   // Whatever the first worker is told.
@@ -84,7 +86,7 @@ export class Comparison {
   }
 
   #start(id: string): void {
-    if (this.#engine) this.#events.over();
+    if (this.#engine) this.#events.over(null);
     this.#engine?.stop();
     [this.#engine, this.#isReady, this.#grasp] = [null, false, null];
     document.body.classList.toggle("is-compared", id !== "");
@@ -130,7 +132,7 @@ export class Comparison {
         this.#events.attempted(message);
         break;
       case "batchOver":
-        this.#events.over();
+        this.#events.over(message.run);
         break;
       case "failure":
         if (isEnd(message)) this.#start((this.#choice.value = ""));

@@ -99,7 +99,7 @@ const comparison = new Comparison({
     return picture;
   },
   attempted: (row) => batch.add(row, 1),
-  over: () => batch.end(1),
+  over: (run) => batch.end(1, run),
   tell: (failure) => failures.show(failure),
 });
 const policy = new PolicyPicker(asked.model, (id) => {
@@ -262,7 +262,7 @@ function receive(message: FromWorker): void {
       attempt.showTally(message.tally);
       break;
     case "batchOver":
-      batch.end(0);
+      batch.end(0, message.run);
       break;
     case "file":
       save(message.name, new Blob([message.text], { type: "application/json" }));

@@ -50,8 +50,8 @@ export type ToWorker =
   | { kind: "seek"; tick: number }
   // Whether the moment is wanted with every frame; then those so far come, too.
   | { kind: "watch"; on: boolean }
-  // So many attempts of seeds from this one on, as fast as they go.
-  | { kind: "batch"; seed: number; attempts: number }
+  // So many attempts of seeds from this one on, as fast as they go; the run is said with all that comes of it.
+  | { kind: "batch"; seed: number; attempts: number; run: number }
   // Pull at a point of the object (its frame) towards a point; null lets go.
   | { kind: "pull"; pull: Pull | null }
   | { kind: "cancel" }
@@ -260,6 +260,8 @@ export interface Course {
 // How one attempt of a batch ended.
 export interface Attempted {
   kind: "attempted";
+  // Of the batch.
+  run: number;
   seed: number;
   pose: PlanarPose;
   lifted: boolean;
@@ -280,6 +282,7 @@ export interface Found {
 
 export interface BatchOver {
   kind: "batchOver";
+  run: number;
 }
 
 // A file to be saved.

@@ -38,7 +38,7 @@ export const BATCH = {
   stop: "Stop",
   ended: (seed: number, words: string) => `Seed ${seed}: ${words}`,
   watch: "Watch",
-  of: (name: string, counted: string, apart: string) => `${name}: ${counted}. ${apart}`,
+  of: (name: string, counted: string) => `${name}: ${counted}`,
   alone: (first: string, a: number, second: string, b: number, both: number) =>
     `Of the ${both} that both tried, ${first} alone lifted ${a}, ${second} alone ${b}.`,
 } as const;
@@ -63,6 +63,7 @@ export const REPORT = {
 export const COMPARISON = {
   planner: "planner",
   loading: (policy: string) => `${policy}: loading`,
+  again: (policy: string) => `${policy} again`,
   givenUp: "The comparison is closed; the attempt goes on. Choose the policy again to compare.",
 } as const;
 
@@ -154,7 +155,7 @@ export const LINK = {
 // What is wrong with a file or an archive of them.
 export const FILES = {
   cannotOpen: (archive: string, why: string) => `${archive} cannot be opened: ${why}`,
-  noMesh: (archive: string) => `${archive} holds no OBJ, STL, PLY or GLB file`,
+  noMesh: (archive: string) => `${archive} holds no OBJ, STL, PLY, OFF or GLB file`,
   noEnd: "it has no end: perhaps it was not copied as a whole",
   damagedList: "its list of files is damaged",
   cutOff: "a part of it is missing: perhaps it was not copied as a whole",

@@ -22,6 +22,8 @@ export class Charts {
   readonly #courses: { course: Course; label: string }[];
   readonly #look: Look = remembered();
   #timer = 0;
+  // Times that it was asked for: only the last one says how it went.
+  #asked = 0;
   #isClosed = false;
   readonly #stop: () => void;
 
@@ -42,15 +44,14 @@ export class Charts {
     });
   }
 
+  // Draws what could be had, and says why the rest could not.
   async #fetch(): Promise<void> {
-    try {
-      await Promise.all(this.#courses.map(({ course }) => course.fetch()));
-      this.#notice.replaceChildren();
-      this.#draw();
-    } catch (error) {
-      this.#notice.replaceChildren(refusal(error));
-      this.element.hidden = false;
-    }
+    const asked = ++this.#asked;
+    const fetched = await Promise.allSettled(this.#courses.map(({ course }) => course.fetch()));
+    if (asked !== this.#asked) return;
+    const refused = fetched.find(({ status }) => status === "rejected") as PromiseRejectedResult | undefined;
+    this.#notice.replaceChildren(...(refused ? [refusal(refused.reason)] : []));
+    this.#draw();
   }
 
   close(): void {

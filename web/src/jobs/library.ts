@@ -170,7 +170,7 @@ export function meshes(): View {
     none: MESHES.none,
   });
   const notice = h("div");
-  const input = h("input", { type: "file", accept: ".obj,.stl,.ply,.glb", "aria-label": MESHES.file });
+  const input = h("input", { type: "file", accept: ".obj,.stl,.ply,.off,.glb", "aria-label": MESHES.file });
   input.addEventListener("change", async () => {
     notice.replaceChildren();
     try {

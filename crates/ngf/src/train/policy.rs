@@ -65,6 +65,8 @@ pub(super) fn train(options: &Options) -> Result<()> {
     if begin.is_some() {
         // Its other networks have learned what F_ψ would not know of.
         config.potential_share = 0.0;
+        // And it knows where to go: roll-outs have their full length from the beginning.
+        config.growth = [0.0, 0.0];
     }
     let encoder = match (&begin, &options.encoder) {
         (Some((weights, _)), _) => TrainedEncoder::of_model(weights)?,
@@ -88,7 +90,7 @@ pub(super) fn train(options: &Options) -> Result<()> {
     }
     store::write(&run.out.join("dagger.json"), &serde_json::to_vec_pretty(&config)?)?;
 
-    let mut school = School {
+    let mut examiner = Examiner {
         config: &config,
         encoder: &encoder,
         lessons: [("taught", &taught), ("held_out", &held_out)],
@@ -97,13 +99,13 @@ pub(super) fn train(options: &Options) -> Result<()> {
         out: &run.out,
     };
     let begin = begin.as_ref().map(|(weights, _)| weights.as_slice());
-    let tree = school.exam.tree().clone();
-    let params = dagger::train(&taught, &tree, &config, begin, &run.out, &mut school)?;
+    let tree = examiner.exam.tree().clone();
+    let params = dagger::train(&taught, &tree, &config, begin, &run.out, &mut examiner)?;
     write_model(&run.out, &encoder, &params, &config, &taught)
 }
 
 /// Looks on while a policy learns, and examines it now and then.
-struct School<'a> {
+struct Examiner<'a> {
     config: &'a DaggerConfig,
     encoder: &'a TrainedEncoder,
     lessons: [(&'static str, &'a [Lesson]); 2],
@@ -115,7 +117,7 @@ struct School<'a> {
 /// Steps between two examinations.
 const EXAMINATION: u64 = 10_000;
 
-impl Watcher for School<'_> {
+impl Watcher for Examiner<'_> {
     fn progress(&mut self, now: &Progress) -> Result<bool> {
         self.log.progress(now)?;
         let is_examined = now.step.is_multiple_of(EXAMINATION);

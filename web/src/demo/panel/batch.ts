@@ -26,7 +26,7 @@ interface Row {
 
 export class BatchPanel {
   readonly #events: BatchEvents;
-  readonly #run = element("batch-run", HTMLButtonElement);
+  readonly #button = element("batch-run", HTMLButtonElement);
   readonly #count = element("batch-count", HTMLSelectElement);
   readonly #bar = element("batch-bar", HTMLProgressElement);
   readonly #csv = element("batch-csv", HTMLButtonElement);
@@ -37,11 +37,13 @@ export class BatchPanel {
   // The policy that acts, and the one beside it, on the same seeds.
   #rows: Row[] = [];
   #wanted = 0;
+  // Its number: what still comes of an earlier one is not counted.
+  #run = 0;
 
   constructor(events: BatchEvents) {
     this.#events = events;
     this.#places = new Places((seed) => events.replay(seed));
-    this.#run.addEventListener("click", () => (this.#isRunning ? events.send({ kind: "cancel" }) : this.#begin()));
+    this.#button.addEventListener("click", () => (this.#isRunning ? events.send({ kind: "cancel" }) : this.#begin()));
     this.#csv.addEventListener("click", () => save("attempts.csv", new Blob([csv(this.#rows)], { type: "text/csv" })));
   }
 
@@ -56,7 +58,7 @@ export class BatchPanel {
 
   // Whether attempts can begin.
   enable(on: boolean): void {
-    this.#run.disabled = !on;
+    this.#button.disabled = !on;
   }
 
   #begin(): void {
@@ -64,13 +66,14 @@ export class BatchPanel {
     this.#wanted = Number(this.#count.value);
     this.#rows = this.#events.names().map((name) => ({ name, attempted: [], isOver: false }));
     this.#show();
-    this.#events.send({ kind: "batch", seed: this.#events.seed(), attempts: this.#wanted });
+    this.#run += 1;
+    this.#events.send({ kind: "batch", seed: this.#events.seed(), attempts: this.#wanted, run: this.#run });
   }
 
   // An attempt of the policy that acts (0) or of the one beside it (1); its map and failures are those of the first.
   add(row: Attempted, who: 0 | 1): void {
     const own = this.#rows[who];
-    if (!own) return;
+    if (!own || row.run !== this.#run) return;
     own.attempted.push(row);
     if (who === 0) {
       this.#places.add(row);
@@ -80,14 +83,18 @@ export class BatchPanel {
   }
 
   // No more attempts come of one of them.
-  end(who: 0 | 1): void {
+  end(who: 0 | 1, run: number | null): void {
     const row = this.#rows[who];
-    if (row) row.isOver = true;
+    if (!row || row.isOver || (run ?? this.#run) !== this.#run) return;
+    row.isOver = true;
     this.#show();
+    // Whoever does not see how they stand is told once.
+    if (!this.#isRunning) element("announcement", HTMLElement).textContent = this.#beside.textContent;
   }
 
   // Another object or policy: what was counted is not about it.
   clear(): void {
+    if (this.#isRunning) this.#events.send({ kind: "cancel" });
     this.#forget();
     this.#show();
   }
@@ -100,12 +107,12 @@ export class BatchPanel {
 
   #show(): void {
     const [first, second] = this.#rows;
-    this.#run.textContent = this.#isRunning ? BATCH.stop : BATCH.run;
+    this.#button.textContent = this.#isRunning ? BATCH.stop : BATCH.run;
     this.#bar.hidden = !this.#isRunning;
     this.#bar.max = this.#wanted * this.#rows.length;
     this.#bar.value = this.#rows.reduce((sum, { attempted }) => sum + attempted.length, 0);
-    this.#words.textContent = first && first.attempted.length > 0 ? told(first) : "";
-    this.#beside.textContent = first && second && second.attempted.length > 0 ? BATCH.of(second.name, told(second), apart(first, second)) : "";
+    this.#words.textContent = first && first.attempted.length > 0 ? told(first, second !== undefined) : "";
+    this.#beside.textContent = first && second && second.attempted.length > 0 ? `${told(second, true)}. ${apart(first, second)}` : "";
     this.#csv.hidden = !first || first.attempted.length === 0;
   }
 
@@ -115,14 +122,16 @@ export class BatchPanel {
   }
 }
 
-function told({ attempted }: Row): string {
-  return outOf(attempted.filter(({ lifted }) => lifted).length, attempted.length);
+function told({ name, attempted }: Row, isNamed: boolean): string {
+  const words = outOf(attempted.filter(({ lifted }) => lifted).length, attempted.length);
+  return isNamed ? BATCH.of(name, words) : words;
 }
 
 // Attempts that one of two lifted and the other did not, of the seeds that both have tried.
 function apart(first: Row, second: Row): string {
   const seconds = new Map(second.attempted.map(({ seed, lifted }) => [seed, lifted]));
   const both = first.attempted.filter(({ seed }) => seconds.has(seed));
+  if (both.length === 0) return "";
   const alone = (of: boolean) => both.filter(({ seed, lifted }) => lifted === of && seconds.get(seed) === !of).length;
   return BATCH.alone(first.name, alone(true), second.name, alone(false), both.length);
 }

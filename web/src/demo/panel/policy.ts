@@ -1,7 +1,8 @@
 // Which policy acts. The address says it too, so that the page comes back with the same one.
 
-import { element } from "../../common/dom";
+import { element, h } from "../../common/dom";
 import { fillWhenWanted, offer } from "../policies";
+import { COMPARISON } from "../strings";
 
 export class PolicyPicker {
   readonly #choice = element("policy", HTMLSelectElement);
@@ -16,7 +17,9 @@ export class PolicyPicker {
   // Who acts now: where another one could not be had, the one before still does. None is chosen while the planner acts.
   show(id: string | null): void {
     if (id === null) {
-      this.#choice.selectedIndex = -1;
+      const nobody = h("option", { value: "", hidden: true }, COMPARISON.planner);
+      if (!this.#choice.querySelector("[value='']")) this.#choice.prepend(nobody);
+      this.#choice.value = "";
       return;
     }
     offer(this.#choice, id);

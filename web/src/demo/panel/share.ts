@@ -91,10 +91,12 @@ export class SharePanel {
   async copy(): Promise<void> {
     const [object, model, verdict, frame] = [this.#object, this.#model, this.#verdict, this.#frame];
     if (this.#link.disabled || !object || !model?.id || !verdict || !frame) return;
+    const told = this.#events.told();
     const shared: Shared = {
       object: object.name ?? object.label,
       objectHash: object.hash,
-      told: this.#events.told(),
+      // How it stands may have been guessed: another version may guess otherwise.
+      told: told && { ...told, unit: object.report.unit, stands: object.report.stands },
       mesh: this.#mesh,
       pose: verdict.pose,
       placed: verdict.placed,
