@@ -42,6 +42,17 @@ test("where the commands would have the hand is drawn, and how like what was lea
   await phase(page, "hold");
   assert.match(await page.textContent("#report-likeness"), /^like what it learned from: the encoder is off by [345]\.\d mm$/);
   await screenshot(page, "target");
+  // The thumb is turned as far as it goes: it glows.
+  await page.click("#pause");
+  await page.keyboard.press("j");
+  const pictures = [];
+  for (const key of ["", "k", "k"]) {
+    if (key) await page.keyboard.press(key);
+    await page.waitForTimeout(700);
+    pictures.push((await page.locator("#view").screenshot()).toString("base64"));
+    if (pictures.length === 2) await screenshot(page, "limits");
+  }
+  assert.ok(pictures[0] !== pictures[1] && pictures[0] === pictures[2]);
   assert.deepEqual(complaints, []);
   await page.close();
 });

@@ -213,10 +213,11 @@ pub(crate) struct Ready {
     pub(crate) most_bytes: usize,
 }
 
-/// A joint and its limits (rad).
+/// A joint, the body that it moves, and its limits (rad).
 #[derive(Serialize)]
 pub(crate) struct Joint {
     pub(crate) name: String,
+    pub(crate) body: usize,
     pub(crate) lower: f32,
     pub(crate) upper: f32,
 }

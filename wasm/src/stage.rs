@@ -115,6 +115,7 @@ impl Stage {
         let tree = &self.workcell.robot.tree;
         let joint = |(i, joint): (usize, &robot::tree::Joint)| Joint {
             name: joint.name.clone(),
+            body: i + 1,
             lower: tree.limits.lower[i] as f32,
             upper: tree.limits.upper[i] as f32,
         };

@@ -161,6 +161,7 @@ const layers: Record<Layer, HTMLInputElement> = {
   forces: element("layer-forces", HTMLInputElement),
   trail: element("layer-trail", HTMLInputElement),
   target: element("layer-target", HTMLInputElement),
+  limits: element("layer-limits", HTMLInputElement),
   sensor: element("layer-sensor", HTMLInputElement),
 };
 const switches = () => Object.entries(layers) as [Layer, HTMLInputElement][];
@@ -189,6 +190,7 @@ onKeys(
     f: () => layers.forces.click(),
     t: () => layers.trail.click(),
     j: () => layers.target.click(),
+    k: () => layers.limits.click(),
     s: () => layers.sensor.click(),
     "1": () => look("front"),
     "2": () => look("side"),

@@ -126,9 +126,10 @@ export interface Ready {
   mostBytes: number;
 }
 
-// A joint and its limits.
+// A joint, the body that it moves, and its limits.
 export interface Joint {
   name: string;
+  body: number;
   lower: number;
   upper: number;
 }

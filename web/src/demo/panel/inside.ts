@@ -3,6 +3,7 @@
 import { element, h, svg } from "../../common/dom";
 import type { Course, Frame, Joint, Moment, ToWorker } from "../protocol";
 import { INSIDE } from "../strings";
+import { isNearLimit } from "../view/limits";
 
 // In the order of Ready: the arm, then finger by finger.
 const GROUPS: [string, number][] = [
@@ -12,9 +13,6 @@ const GROUPS: [string, number][] = [
   [INSIDE.groups.ring, 4],
   [INSIDE.groups.thumb, 4],
 ];
-// Nearer to a limit than this share of the way is worth seeing.
-const NEAR = 0.03;
-
 // A plot of one or several quantities over the attempt; of several, each has its name.
 interface Plot {
   of: [string, (moment: Moment) => number | null | undefined][];
@@ -86,11 +84,12 @@ export class InsidePanel {
   show({ joints, moment, tick, ticks }: Frame): void {
     if (!this.#box.open) return;
     joints.forEach((q, i) => {
-      const { lower, upper } = this.#joints[i]!;
+      const joint = this.#joints[i]!;
+      const { lower, upper } = joint;
       const share = (q - lower) / (upper - lower);
       const mark = this.#marks[i]!;
       mark.style.left = `${100 * Math.min(1, Math.max(0, share))}%`;
-      mark.classList.toggle("is-near", share < NEAR || share > 1 - NEAR);
+      mark.classList.toggle("is-near", isNearLimit(q, joint));
       const bar = mark.parentElement!;
       const text = INSIDE.stands(q.toFixed(2), lower.toFixed(2), upper.toFixed(2));
       if (bar.ariaValueText !== text) [bar.ariaValueNow, bar.ariaValueText] = [q.toFixed(2), text];

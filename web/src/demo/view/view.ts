@@ -9,13 +9,14 @@ import { type Colors, onColorsChange, readColors } from "./colors";
 import { dragObject } from "./drag";
 import { Forces } from "./forces";
 import { Ghost } from "./ghost";
+import { Limits } from "./limits";
 import { Motion } from "./motion";
 import { Sharpness } from "./sharpness";
 import { Spring } from "./spring";
 import { Studio } from "./studio";
 import { Trail } from "./trail";
 
-export type Layer = "cloud" | "reconstruction" | "hulls" | "forces" | "trail" | "target" | "sensor";
+export type Layer = "cloud" | "reconstruction" | "hulls" | "forces" | "trail" | "target" | "limits" | "sensor";
 
 // While the hand has to do with the object.
 const ACTS: Phase[] = ["policy", "lift", "hold"];
@@ -57,6 +58,7 @@ export class View {
   readonly #trail = new Trail();
   readonly #spring = new Spring();
   readonly #ghost = new Ghost();
+  readonly #limits = new Limits();
   readonly #motion = new Motion();
   readonly #sharpness = new Sharpness();
   #studio: Studio | null = null;
@@ -104,6 +106,7 @@ export class View {
 
     this.#robot = robotBodies(ready.links);
     this.#ghost.show(this.#robot);
+    this.#limits.show(this.#robot, ready.joints);
     this.#studio = new Studio(ready.table, ready.workspace, this.#isPlain);
     this.#sensor = new Sensor(ready.camera);
     this.#viewpoint.scene = ready;
@@ -139,6 +142,7 @@ export class View {
     const isMemory = frame.phase !== "idle" && frame.phase !== "approach" && frame.phase !== "policy";
     for (const cloud of [this.#cloud, this.#reconstruction]) cloud.fade(isMemory);
     this.#ghost.follow(frame, now);
+    this.#limits.follow(frame);
     this.#forces.show(frame.contacts);
     this.#trail.show(frame);
     this.#frame = frame;
@@ -154,6 +158,7 @@ export class View {
     if (layer === "hulls") this.#thing.showHulls(on);
     if (layer === "trail") this.#trail.line.visible = on;
     if (layer === "target") this.#ghost.group.visible = on;
+    if (layer === "limits") this.#limits.on = on;
     if (layer === "sensor") this.#showsSensor = on;
     this.#wake();
   }
@@ -218,7 +223,7 @@ export class View {
   #paint(): void {
     const colors: Colors = readColors();
     this.#scene.background = colors.ground;
-    const painted = [this.#studio, this.#sensor, this.#thing, this.#cloud, this.#forces, this.#trail, this.#spring, this.#ghost];
+    const painted = [this.#studio, this.#sensor, this.#thing, this.#cloud, this.#forces, this.#trail, this.#spring, this.#ghost, this.#limits];
     for (const one of painted) one?.paint(colors);
     this.#reconstruction.paint({ ...colors, cloud: colors.reconstruction });
     this.#wake();
