@@ -111,8 +111,8 @@ export class BatchPanel {
     this.#bar.hidden = !this.#isRunning;
     this.#bar.max = this.#wanted * this.#rows.length;
     this.#bar.value = this.#rows.reduce((sum, { attempted }) => sum + attempted.length, 0);
-    this.#words.textContent = first && first.attempted.length > 0 ? told(first, second !== undefined) : "";
-    this.#beside.textContent = first && second && second.attempted.length > 0 ? `${told(second, true)}. ${apart(first, second)}` : "";
+    this.#words.textContent = first && first.attempted.length > 0 ? told(first) : "";
+    this.#beside.textContent = first && second && second.attempted.length > 0 ? `${named(first)}, ${named(second)}. ${apart(first, second)}` : "";
     this.#csv.hidden = !first || first.attempted.length === 0;
   }
 
@@ -122,9 +122,12 @@ export class BatchPanel {
   }
 }
 
-function told({ name, attempted }: Row, isNamed: boolean): string {
-  const words = outOf(attempted.filter(({ lifted }) => lifted).length, attempted.length);
-  return isNamed ? BATCH.of(name, words) : words;
+function told({ attempted }: Row): string {
+  return outOf(attempted.filter(({ lifted }) => lifted).length, attempted.length);
+}
+
+function named(row: Row): string {
+  return BATCH.of(row.name, told(row));
 }
 
 // Attempts that one of two lifted and the other did not, of the seeds that both have tried.

@@ -1,12 +1,11 @@
-// Joints near the end of their way: what they move glows.
+// Joints near the end of their way: what they move is seen through all that stands before it.
 
-import { Color, type Group, Mesh, MeshStandardMaterial } from "three";
+import { type Group, Mesh, MeshBasicMaterial } from "three";
 import type { Frame, Joint } from "../protocol";
 import type { Colors } from "./colors";
 
 // Nearer to a limit than this share of the way is worth seeing.
 const NEAR = 0.03;
-const DARK = new Color(0);
 
 export function isNearLimit(q: number, { lower, upper }: Joint): boolean {
   const share = (q - lower) / (upper - lower);
@@ -14,25 +13,29 @@ export function isNearLimit(q: number, { lower, upper }: Joint): boolean {
 }
 
 export class Limits {
+  readonly #skin = new MeshBasicMaterial({ transparent: true, opacity: 0.6, depthTest: false, depthWrite: false });
   #joints: readonly Joint[] = [];
-  // What each joint is shown by: the body that it moves.
-  #skins: MeshStandardMaterial[][] = [];
-  #color = DARK;
+  // What each joint moves, once more over itself.
+  #parts: Mesh[][] = [];
   #isOn = false;
   #frame: Frame | null = null;
 
   show(robot: readonly Group[], joints: readonly Joint[]): void {
     this.#joints = joints;
-    const skins = (body: Group | undefined) =>
-      (body?.children ?? []).flatMap((part) => (part instanceof Mesh && part.material instanceof MeshStandardMaterial ? [part.material] : []));
-    this.#skins = joints.map(({ body }) => skins(robot[body]));
+    this.#parts = joints.map(({ body }) => {
+      const parts = (robot[body]?.children ?? []).filter((part) => part instanceof Mesh);
+      const over = parts.map(({ geometry }) => new Mesh(geometry, this.#skin));
+      for (const part of over) part.visible = false;
+      if (over.length > 0) robot[body]?.add(...over);
+      return over;
+    });
   }
 
   follow(frame: Frame): void {
     this.#frame = frame;
     this.#joints.forEach((joint, i) => {
-      const glows = this.#isOn && isNearLimit(frame.joints[i]!, joint);
-      for (const skin of this.#skins[i]!) skin.emissive = glows ? this.#color : DARK;
+      const isSeen = this.#isOn && isNearLimit(frame.joints[i]!, joint);
+      for (const part of this.#parts[i]!) part.visible = isSeen;
     });
   }
 
@@ -42,7 +45,6 @@ export class Limits {
   }
 
   paint(colors: Colors): void {
-    this.#color = colors.accent;
-    if (this.#frame) this.follow(this.#frame);
+    this.#skin.color = colors.accent;
   }
 }
