@@ -30,8 +30,12 @@ const TRIALS: usize = 24;
 const SHIFT: f64 = 0.015;
 const TURN: f64 = 0.1;
 
-/// How far the fingers are from where they should press, at most (rad, each joint): a policy comes to rest near it.
-const PRESSED: f64 = 0.05;
+/// Of what the fingers press beyond touch, the share that they come to, at least and at most: a policy comes to rest before
+/// it is there, with all of them.
+const PRESSED: [f64; 2] = [0.7, 1.0];
+
+/// How far each finger joint is beside that, at most (rad).
+const OFF: f64 = 0.03;
 
 /// How far beside that in height (m): an object never seen is taller or lower than those that were taught.
 const HEIGHT: f64 = 0.015;
@@ -124,7 +128,11 @@ fn share_of(
         let palm = proposal::vary_palm(&grasp.object_from_palm, SHIFT, TURN, &mut rng);
         let raised = Isometry::translation(0.0, 0.0, rng.random_range(-HEIGHT..=HEIGHT));
         let palm = raised * palm;
-        let squeeze = grasp.squeeze.map(|q| q + rng.random_range(-PRESSED..=PRESSED));
+        let pressed = rng.random_range(PRESSED[0]..=PRESSED[1]);
+        let squeeze = std::array::from_fn(|i| {
+            let press = pressed * (grasp.squeeze[i] - grasp.touch[i]);
+            grasp.touch[i] + press + rng.random_range(-OFF..=OFF)
+        });
         let beside = Grasp { object_from_palm: palm, squeeze, ..grasp.clone() };
         lifted += usize::from(lifts(&planned.setting, &beside)?);
     }
