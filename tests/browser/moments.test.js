@@ -202,6 +202,15 @@ test("two policies are counted on the same seeds", async () => {
   const alone = (one, other) => one.filter((lifts, seed) => lifts && !other[seed]).length;
   assert.deepEqual(beside.match(/\d+/g).slice(-2).map(Number), [alone(first, second), alone(second, first)]);
   await screenshot(page, "batch-of-two");
+  // Another object ends the row of both, and the next one counts nothing of it.
+  await page.click("#batch-run");
+  await page.waitForFunction(() => /mlp-pcd: [12] of/.test(document.getElementById("batch-beside").textContent));
+  await page.click("#objects label:has([value=soup_can])");
+  await page.waitForFunction(() => document.getElementById("batch-words").textContent === "");
+  assert.equal(await page.textContent("#batch-run"), "Run");
+  await page.click("#batch-run");
+  await page.waitForFunction(() => document.getElementById("batch-run").textContent === "Run");
+  assert.match(await page.textContent("#batch-beside"), /^default: \d+ of 20, mlp-pcd: \d+ of 20\. Of the 20 /);
   // What ends the second ends its share of the row.
   await page.click("#batch-run");
   await page.waitForFunction(() => /mlp-pcd: [12] of/.test(document.getElementById("batch-beside").textContent));
