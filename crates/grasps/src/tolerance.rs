@@ -44,7 +44,7 @@ const HEIGHT: f64 = 0.015;
 const FIRST: [usize; 2] = [8, 4];
 
 /// The least share of its trials that a grasp must lift.
-pub const LEAST: f64 = 0.5;
+pub(crate) const LEAST: f64 = 0.5;
 
 /// Motions into a grasp that are planned at a pose before it counts as not served.
 const APPROACHES: usize = 2;

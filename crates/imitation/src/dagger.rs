@@ -25,7 +25,7 @@ use std::path::Path;
 pub struct DaggerConfig {
     /// Optimiser steps.
     pub steps: u64,
-    /// Of a fabric that is begun anew, share of the steps, the first ones, that train F_ψ alone, at a quarter of the cost:
+    /// Of a fabric that is begun anew, share of the steps, the first ones, that train F_ψ alone, with a quarter of the products:
     /// where to go is most of what there is to learn. The other networks are as they begin meanwhile.
     pub potential_share: f64,
     /// States a step, over all shards.

@@ -19,7 +19,7 @@ pub(crate) struct Visit {
     pub(crate) left: usize,
 }
 
-/// The lessons that there is something to learn from.
+/// Draws states of the lessons that there is something to learn from.
 pub(crate) struct Sampler<'a> {
     lessons: &'a [Lesson],
     full: Vec<usize>,

@@ -15,8 +15,7 @@ pub fn wilson95(k: usize, n: usize) -> [f64; 2] {
 ///
 /// Trials with one object are alike, and count for less than as many with different ones: n is divided by how much more
 /// the objects' rates differ than those of coins would, and by what so few objects tell of that (Korn & Graubard, Survey
-/// Methodology 24, 1998). A single object
-/// tells nothing of others: of one it is [`wilson95`], for attempts with that one.
+/// Methodology 24, 1998). A single object tells nothing of others: of one it is [`wilson95`], for attempts with that one.
 pub fn wilson95_among(counts: &[(usize, usize)]) -> [f64; 2] {
     let [k, n] = [|c: &(usize, usize)| c.0, |c: &(usize, usize)| c.1]
         .map(|part| counts.iter().map(part).sum::<usize>());

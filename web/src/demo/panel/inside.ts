@@ -13,6 +13,7 @@ const GROUPS: [string, number][] = [
   [INSIDE.groups.ring, 4],
   [INSIDE.groups.thumb, 4],
 ];
+
 // A plot of one or several quantities over the attempt; of several, each has its name.
 interface Plot {
   of: [string, (moment: Moment) => number | null | undefined][];
