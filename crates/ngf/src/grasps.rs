@@ -34,8 +34,8 @@ pub(crate) struct Options {
     /// Look for a few, soon, as the page does.
     #[arg(long, conflicts_with = "thorough")]
     quick: bool,
-    /// Files of reliable grasps of earlier searches, among which, and among more around the best of them, to choose
-    /// instead of a search from the beginning: by how often each lifts when the hand comes up to 15 mm and 6 degrees
+    /// Files of reliable or of chosen grasps of earlier searches, among which, and among more around the best of them, to
+    /// choose instead of a search from the beginning: by how often each lifts when the hand comes up to 15 mm and 6 degrees
     /// beside its place, and in height up to 30 mm.
     #[arg(long, value_name = "FILE", num_args = 1.., conflicts_with_all = ["import", "thorough", "reliable"])]
     among: Vec<PathBuf>,
@@ -60,7 +60,7 @@ pub(crate) fn run(options: &Options) -> Result<()> {
         _ => SearchConfig::paper(&robot),
     };
     if !options.among.is_empty() {
-        let found = read_reliable(&options.among)?;
+        let found = read_found(&options.among)?;
         // What was tried by another program, or with another object, does not count.
         let program = std::env::current_exe().and_then(std::fs::read).context("no program")?;
         let owner = [&blake3::hash(&program).to_hex(), object.hash().as_str()].join(" ");
@@ -115,13 +115,28 @@ fn write(
     store::write(&options.out, &serde_json::to_vec_pretty(set)?)
 }
 
-/// The reliable grasps that earlier searches wrote.
-fn read_reliable(paths: &[PathBuf]) -> Result<Vec<Scored>> {
+/// What `--among` reads: every reliable grasp of a search, or the few that were chosen.
+#[derive(serde::Deserialize)]
+#[serde(untagged)]
+enum Found {
+    Reliable(Vec<Scored>),
+    Chosen(GraspSet),
+}
+
+/// The reliable grasps that earlier searches wrote, and those that were chosen.
+fn read_found(paths: &[PathBuf]) -> Result<Vec<Scored>> {
     let read = |path: &PathBuf| -> Result<Vec<Scored>> {
         let bytes =
             std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))?;
-        serde_json::from_slice(&bytes).with_context(|| {
-            format!("{} holds no grasps as --reliable writes them", path.display())
+        let found = serde_json::from_slice(&bytes).with_context(|| {
+            format!("{} holds no grasps as --reliable or --out writes them", path.display())
+        })?;
+        Ok(match found {
+            Found::Reliable(found) => found,
+            Found::Chosen(set) => {
+                let unscored = |grasp| Scored { grasp, again: 0, shaken: None };
+                set.grasps.into_iter().map(unscored).collect()
+            }
         })
     };
     Ok(paths.iter().map(read).collect::<Result<Vec<_>>>()?.concat())
