@@ -18,10 +18,6 @@ export const PATIENCE = 120_000;
 export const WIDE = { width: 1440, height: 900 };
 export const PHONE = { width: 390, height: 844 };
 
-// A box of 40 x 60 x 120, without a unit as OBJ files are.
-export const BOX = `v 0 0 0\nv 40 0 0\nv 40 60 0\nv 0 60 0\nv 0 0 120\nv 40 0 120\nv 40 60 120\nv 0 60 120
-f 1 4 3 2\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n`;
-
 // Begins a server on a port, 0 being a free one; with a folder for data it does jobs.
 export async function serve({ port = 0, data = null } = {}) {
   const args = ["serve", "--port", String(port), "--web", `${root}web/dist`, "--models", `${root}models`];

@@ -1,6 +1,7 @@
 // What the page takes, as rows for `cargo xtask bench`: bytes, and milliseconds as somebody before it waits them.
 
 import { blank, open, untilReady, visit } from "./chromium.js";
+import { bottle } from "./meshes.js";
 
 // Visits of which the median counts.
 const VISITS = 5;
@@ -91,31 +92,12 @@ async function liveliness(served) {
   await page.close();
 }
 
-// A bottle with ribs, as triangles without names.
-function bottle() {
-  const [around, along] = [200, TRIANGLES / 400];
-  const radius = (v) => 0.03 + 0.004 * Math.sin(20 * v) - 0.012 * Math.max(0, v - 0.7) / 0.3;
-  const point = (i, j) => {
-    const [u, v] = [(2 * Math.PI * i) / around, j / along];
-    return [radius(v) * Math.cos(u), radius(v) * Math.sin(u), 0.18 * v].map((x) => x.toFixed(6)).join(" ");
-  };
-  const lines = [];
-  for (let j = 0; j <= along; j++) for (let i = 0; i < around; i++) lines.push(`v ${point(i, j)}`);
-  const name = (i, j) => j * around + (i % around) + 1;
-  for (let j = 0; j < along; j++) {
-    for (let i = 0; i < around; i++) {
-      lines.push(`f ${name(i, j)} ${name(i + 1, j)} ${name(i + 1, j + 1)}`, `f ${name(i, j)} ${name(i + 1, j + 1)} ${name(i, j + 1)}`);
-    }
-  }
-  return lines.join("\n");
-}
-
 // From a mesh that is brought to a verdict, as fast as the page goes.
 async function upload(served) {
   const { page } = await visit(served);
   await untilReady(page);
   await page.selectOption("#speed", "4");
-  const file = { name: "bottle.obj", mimeType: "text/plain", buffer: Buffer.from(bottle()) };
+  const file = { name: "bottle.obj", mimeType: "text/plain", buffer: Buffer.from(bottle(TRIANGLES)) };
   const began = performance.now();
   await page.setInputFiles("#file", file);
   await page.waitForFunction(() => document.getElementById("report-mesh").textContent.includes("20,000"));

@@ -5,7 +5,8 @@ import { mkdtempSync, readFileSync, rmSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
-import { blank, BOX, open, untilReady, visit } from "./chromium.js";
+import { blank, open, untilReady, visit } from "./chromium.js";
+import { BOX } from "./meshes.js";
 
 let served;
 let data;

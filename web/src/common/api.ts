@@ -61,7 +61,9 @@ export async function send(
   const sent = body === undefined || isRaw ? (body ?? null) : JSON.stringify(body);
   let answer: Response;
   try {
-    answer = await fetch(new URL(path, API), { method, headers, body: sent, signal: signal ?? null });
+    // What is deleted as the page is left is deleted all the same.
+    const keepalive = method === "DELETE";
+    answer = await fetch(new URL(path, API), { method, headers, body: sent, signal: signal ?? null, keepalive });
   } catch (error) {
     throw new Refused(noServer(String(error)));
   }

@@ -27,12 +27,15 @@ export class Arrival {
   }
 
   ready({ objects, scene }: Ready): void {
-    const { object, scene: made, mesh } = this.#shared;
+    const { object, scene: made, mesh, told } = this.#shared;
     if (scene !== made) this.#tell("link_other_scene", LINK.otherScene);
     const at = objects.findIndex(({ name }) => name === object);
     // The first one stands there anyway.
     if (at > 0) this.#events.send({ kind: "load", object });
-    else if (at < 0 && !mesh) this.#tell("link_needs_file", LINK.needsFile(object));
+    if (at >= 0 || mesh) return;
+    // Of a file it says in what unit that was read; what is built in need not be on the shelf.
+    if (told?.unit) this.#tell("link_needs_file", LINK.needsFile(object));
+    else this.#events.send({ kind: "load", object });
   }
 
   showObject({ hash, name, label }: ObjectLoaded): void {
@@ -55,9 +58,11 @@ export class Arrival {
     return this.#stage === "coming" ? (this.#shared.told ?? undefined) : undefined;
   }
 
-  // It is known who acts.
+  // It is known who acts: the first policy that comes. Whoever chooses another one since knows that the link is of another.
   hasModel(hash: string | null): void {
     const { model, modelHash } = this.#shared;
+    // It did not come yet, which is told already.
+    if (this.#hasModel || hash === null) return;
     if (modelHash !== null && hash !== modelHash) this.#tell("link_other_model", LINK.otherModel(model));
     this.#hasModel = true;
     this.#go();
@@ -85,10 +90,11 @@ export class Arrival {
     else this.#tell("link_other_end", LINK.otherEnd);
   }
 
-  // Whoever has taken over may have begun another attempt.
+  // Whoever has taken over may have begun another attempt. A pose has single precision, however it was written.
   #isOf({ seed, pose, played, pulled }: Verdict): boolean {
     const { x, y, yaw } = this.#shared.pose;
-    const isSame = seed === this.#shared.seed && pose.x === x && pose.y === y && pose.yaw === yaw;
+    const isThat = (told: number, found: number) => Math.fround(told) === Math.fround(found);
+    const isSame = seed === this.#shared.seed && isThat(x, pose.x) && isThat(y, pose.y) && isThat(yaw, pose.yaw);
     return this.#isThere && isSame && !played && !pulled;
   }
 

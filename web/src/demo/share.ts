@@ -18,8 +18,8 @@ export interface Shared {
   model: string;
   modelHash: string | null;
   scene: string;
-  // Position of the viewer and of what is looked at.
-  view: number[];
+  // Position of the viewer and of what is looked at; null is where the page begins.
+  view: number[] | null;
   // The moment to stop at; null is the end.
   tick: number | null;
   // Of the final state.
@@ -43,7 +43,7 @@ export function linkOf(shared: Shared, page = location.href): string {
     m: model,
     ...(modelHash && { mh: modelHash }),
     sc: scene,
-    c: view.map((value) => value.toFixed(3)).join(","),
+    ...(view && { c: view.map((value) => value.toFixed(3)).join(",") }),
     ...(tick !== null && { t: String(tick) }),
     ...(mesh && { mesh }),
     h: end,
@@ -86,7 +86,7 @@ export function sharedIn(hash = location.hash): Shared | null {
     model: text("m"),
     modelHash: fields.get("mh"),
     scene: text("sc"),
-    view: numbers("c", 6),
+    view: fields.has("c") ? numbers("c", 6) : null,
     tick: fields.has("t") ? numbers("t", 1)[0] : null,
     end: text("h"),
   };

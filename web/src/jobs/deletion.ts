@@ -9,6 +9,7 @@ const REGRET = 6000;
 export class Deletion {
   readonly element = h("div", { role: "status" });
   readonly #act: () => Promise<void>;
+  readonly #leave = () => this.settle();
   #timer = 0;
 
   constructor(act: () => Promise<void>) {
@@ -21,21 +22,26 @@ export class Deletion {
     const undo = button(JOB.undo, () => this.cancel());
     this.element.replaceChildren(h("p", { class: "toast" }, JOB.deleted, undo));
     this.#timer = window.setTimeout(() => this.settle(), REGRET);
+    addEventListener("pagehide", this.#leave);
   }
 
   // Takes it back, if it has begun, and says so.
   cancel(): void {
     this.element.replaceChildren(...(this.#timer ? [h("p", { class: "toast" }, JOB.kept)] : []));
-    clearTimeout(this.#timer);
-    this.#timer = 0;
+    this.#stopWaiting();
   }
 
   // Carries it out, if it has begun: nobody has taken it back, or nobody can any more.
   settle(): void {
     if (!this.#timer) return;
-    clearTimeout(this.#timer);
-    this.#timer = 0;
+    this.#stopWaiting();
     this.element.replaceChildren();
     void this.#act();
+  }
+
+  #stopWaiting(): void {
+    clearTimeout(this.#timer);
+    this.#timer = 0;
+    removeEventListener("pagehide", this.#leave);
   }
 }

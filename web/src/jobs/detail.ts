@@ -7,9 +7,10 @@ import { duration, number, when } from "../common/numbers";
 import { Charts } from "./charts";
 import { Checkpoints } from "./checkpoints";
 import { Deletion } from "./deletion";
+import { evaluations } from "./evaluations";
 import type { Feed } from "./feed";
 import { Log } from "./log";
-import { demo, evaluations, progressInWords, showStatus } from "./parts";
+import { demo, progressInWords, showStatus } from "./parts";
 import { DEMO, EVALUATION, FACTS, JOB, KINDS, PROGRESS } from "./strings";
 import { type Artifact, type Checkpoint, ENDED, type Evaluation, type Job, title } from "./types";
 import type { View } from "./view";
@@ -155,7 +156,7 @@ export class Detail implements View {
       why = refusal(error);
     }
     this.#made.replaceChildren(
-      ...(reports.length > 0 ? [section(EVALUATION.title, evaluations(reports))] : []),
+      ...(reports.length > 0 ? [section(EVALUATION.title, evaluations(reports, job))] : []),
       section(JOB.made, outputs(job), files(artifacts), why),
       section(JOB.told, facts(parameters(job))),
     );

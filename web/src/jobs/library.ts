@@ -5,8 +5,9 @@ import { button, h } from "../common/dom";
 import { download, facts, link, refusal, section, table } from "../common/parts";
 import { count, label, size, when } from "../common/numbers";
 import { outOf } from "../common/strings";
+import { evaluations } from "./evaluations";
 import { Pages } from "./pages";
-import { demo, evaluations } from "./parts";
+import { demo } from "./parts";
 import { DATASET, DATASETS, DEMO, EVALUATION, FACTS, MESHES, MODEL, MODELS } from "./strings";
 import type { Evaluation } from "./types";
 import type { View } from "./view";
@@ -128,11 +129,15 @@ export function models(): View {
   return { element: h("article", {}, h("h1", {}, MODELS.title), pages.element) };
 }
 
+function ofJob({ job, reports }: { job: string; reports: Evaluation[] }): Evaluation[] {
+  return reports.map((report) => ({ ...report, job }));
+}
+
 export function model(id: string): View {
   return fetched(async () => {
     const one = await ask<ModelRecord>(`models/${id}`);
     const isPolicy = one.kind !== "encoder";
-    const reports = [...(one.evaluations ?? []).flatMap(({ reports }) => reports), ...(one.card?.evaluation ?? [])];
+    const reports = [...(one.evaluations ?? []).flatMap(ofJob), ...(one.card?.evaluation ?? [])];
     const about: [string, Node | string][] = [[FACTS.id, one.id]];
     if (one.job) about.push([FACTS.madeBy, link(`jobs/${one.job}`, one.job)]);
     if (one.step != null) about.push([FACTS.step, one.step.toLocaleString("en")]);

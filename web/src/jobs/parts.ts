@@ -1,11 +1,11 @@
 // What several views show of jobs and models.
 
 import { h } from "../common/dom";
-import { refusal, table } from "../common/parts";
-import { duration, label, number, percent } from "../common/numbers";
+import { refusal } from "../common/parts";
+import { duration, number } from "../common/numbers";
 import { outOf } from "../common/strings";
-import { EVALUATION, FAILURES, PHASES, PROGRESS, STATUSES } from "./strings";
-import type { Evaluation, Job } from "./types";
+import { PHASES, PROGRESS, STATUSES } from "./strings";
+import type { Job } from "./types";
 
 export function chip(status: string): HTMLElement {
   const made = h("span");
@@ -45,31 +45,6 @@ export function progressInWords(job: Job): string {
   const rate = progress.rate_per_second && PROGRESS.rate(number(progress.rate_per_second));
   const left = job.status === "running" && progress.eta_seconds !== null && PROGRESS.left(duration(progress.eta_seconds));
   return `${name}: ${[done, rate, left].filter(Boolean).join(", ")}`;
-}
-
-// How often what was lifted.
-export function evaluations(reports: Evaluation[]): HTMLElement {
-  const rows = reports.map((report) => [
-    label(report.object),
-    report.policy,
-    share(report),
-    outOf(report.lifted, report.attempts),
-    `${percent(report.wilson95[0])} – ${percent(report.wilson95[1])}`,
-    Object.entries(report.failures)
-      .map(([reason, count]) => `${count} ${FAILURES[reason] ?? reason.replaceAll("_", " ")}`)
-      .join(", "),
-    String(report.seed),
-  ]);
-  return table(EVALUATION.head, rows, [3]);
-}
-
-// A bar from 0 to 1 with its interval.
-function share({ lifted, attempts, wilson95 }: Evaluation): HTMLElement {
-  const [band, mark] = [h("span"), h("i")];
-  band.style.left = `${100 * wilson95[0]}%`;
-  band.style.right = `${100 * (1 - wilson95[1])}%`;
-  mark.style.left = `${(100 * lifted) / Math.max(1, attempts)}%`;
-  return h("div", { class: "interval", "aria-hidden": "true" }, band, mark);
 }
 
 // Of a demo that is opened beside this page.

@@ -111,6 +111,7 @@ export const EVALUATION = {
   head: ["Object", "By", "", "Lifted", "95 % interval", "Failures", "First seed"],
   none: "It has not been evaluated yet.",
   evaluateIt: "Evaluate it",
+  attempt: (seed: number, reason: string) => `seed ${seed}: ${reason}`,
 } as const;
 
 export const CHECKPOINTS = {

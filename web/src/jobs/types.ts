@@ -72,6 +72,21 @@ export interface Evaluation {
   wilson95: [number, number];
   failures: Record<string, number>;
   seed: number;
+  scene_hash: string;
+  object_hash: string;
+  model_hash: string | null;
+  // In the report of a job, not where it is summed up.
+  rows?: Attempted[];
+  // The job that made it, where it is summed up.
+  job?: string;
+}
+
+// One attempt.
+export interface Attempted {
+  seed: number;
+  pose: [number, number, number];
+  verdict: { outcome: string; reason?: string };
+  state_hash: string;
 }
 
 // Columns of numbers, as uPlot takes them.
