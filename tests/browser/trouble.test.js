@@ -2,7 +2,8 @@
 
 import assert from "node:assert/strict";
 import { after, before, test } from "node:test";
-import { BOX, blank, open, PATIENCE, untilReady, visit } from "./chromium.js";
+import { blank, open, PATIENCE, untilReady, visit } from "./chromium.js";
+import { BOX } from "./meshes.js";
 
 let served;
 before(async () => (served = await open()));
@@ -87,6 +88,25 @@ test("what stands on the table is what was read: a search and a restart are abou
     assert.equal(await page.textContent("#report-size"), "4.0 × 6.0 × 12.0 cm");
     assert.ok(await page.isChecked("#objects [value='file:box.obj']"));
   }
+  await page.close();
+});
+
+test("a panic in the simulation is told with its reason, and what stands on the table stays", async () => {
+  const { page } = await visit(served);
+  await untilReady(page);
+  await page.setInputFiles("#file", { name: "box.obj", mimeType: "model/obj", buffer: Buffer.from(BOX) });
+  await page.waitForFunction(() => document.getElementById("report-size").textContent === "4.0 × 6.0 × 12.0 cm");
+  await page.workers()[0].evaluate(() => {
+    setTimeout(() => self.onmessage(new MessageEvent("message", { data: { kind: "panic" } })));
+  });
+  const card = await page.waitForSelector('[data-code="engine_panicked"]');
+  assert.match(await card.textContent(), /worker\.rs:\d+.*the page asked for it/s);
+  assert.equal(await page.locator(".failure").count(), 1, "it is told once");
+  assert.ok((await page.isDisabled("#grasp")) && (await page.isDisabled("#upload")));
+  assert.ok(await page.isHidden(".failure .close"), "nothing else offers to restart");
+  await page.click(".failure .again");
+  await untilReady(page);
+  assert.equal(await page.textContent("#report-size"), "4.0 × 6.0 × 12.0 cm");
   await page.close();
 });
 

@@ -3,7 +3,8 @@
 import assert from "node:assert/strict";
 import { after, before, test } from "node:test";
 import { deflateRawSync } from "node:zlib";
-import { BOX, open, screenshot, untilReady, visit } from "./chromium.js";
+import { open, screenshot, untilReady, visit } from "./chromium.js";
+import { BOX, bottle } from "./meshes.js";
 
 let served;
 before(async () => (served = await open()));
@@ -73,6 +74,7 @@ function zip(files) {
   const end = Buffer.alloc(22);
   end.writeUInt32LE(0x06054b50, 0);
   end.writeUInt16LE(Object.keys(files).length, 10);
+  end.writeUInt32LE(Buffer.concat(list).length, 12);
   end.writeUInt32LE(at, 16);
   return Buffer.concat([...parts, ...list, end]);
 }
@@ -162,6 +164,25 @@ test("bad files each say what is wrong, and the scene goes on", async () => {
   const before = await page.inputValue("#pose-x");
   await page.click("#new-pose");
   await page.waitForFunction((x) => document.getElementById("pose-x").value !== x, before);
+  assert.deepEqual(complaints, []);
+  await page.close();
+});
+
+test("a mesh that takes long to read is given up, and the scene goes on", async () => {
+  const { page, complaints } = await visit(served);
+  await untilReady(page);
+  const size = await page.textContent("#report-size");
+  await page.selectOption("#compare", "default");
+  await page.setInputFiles("#file", file("long.obj", bottle(400_000)));
+  await page.click("#progress-stop");
+  await untilReady(page);
+  assert.ok(await page.isHidden("#progress"));
+  assert.equal(await page.textContent("#report-size"), size);
+  assert.ok(await page.isChecked("#objects [value=sugar_box]"));
+  assert.equal(await page.locator("#objects [value='file:long.obj']").count(), 0);
+  // What is brought next is read.
+  await page.setInputFiles("#file", file("box.obj", BOX));
+  await page.waitForFunction(() => document.getElementById("report-size").textContent === "4.0 × 6.0 × 12.0 cm");
   assert.deepEqual(complaints, []);
   await page.close();
 });

@@ -86,6 +86,8 @@ pub(crate) enum ToWorker {
         seed: u32,
         grasps: String,
     },
+    /// Panic, as a mistake in the program would: what the page makes of that can be tried.
+    Panic,
 }
 
 /// A unit of length that a file may be drawn in.

@@ -181,6 +181,7 @@ impl Worker {
                 self.stage.reset();
                 self.clock.is_running = true;
             }
+            ToWorker::Panic => panic!("the page asked for it"),
             ToWorker::Speed { factor } => {
                 if factor.is_finite() && factor > 0.0 {
                     self.clock.factor = factor;

@@ -65,6 +65,11 @@ export class Comparison {
     if (ENDS.has(message.kind)) this.#showNames();
   }
 
+  // The first one is begun anew, and stands as it did.
+  restart(): void {
+    if (this.#engine) this.#start(this.#choice.value);
+  }
+
   // How the first one ended, or what was played there.
   showVerdict({ words, played }: Verdict): void {
     this.#names[0].textContent = `${played?.what ?? this.#first}: ${words}`;
@@ -72,7 +77,7 @@ export class Comparison {
 
   // The viewer of the first picture has moved.
   stand(numbers: number[]): void {
-    this.#view?.standAt(numbers);
+    if (this.#engine) this.#view?.standAt(numbers);
   }
 
   setLayer(layer: Layer, on: boolean): void {

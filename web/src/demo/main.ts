@@ -38,15 +38,7 @@ let mostBytes = Infinity;
 let brought: Promise<void> | null = null;
 
 const situation = new Situation();
-const failures = new Failures(
-  () => {
-    engine.restart();
-    // What stood there stands there again.
-    for (const message of situation.restart()) engine.send(message);
-    inside.ask();
-  },
-  () => use(wanted),
-);
+const failures = new Failures(restart, () => use(wanted));
 const shared = sharedOrTold();
 const asked = askedFor(shared);
 const engine = new Engine(useModel(asked.model), receive);
@@ -76,13 +68,11 @@ const objects = new ObjectPicker({
   refused: (cause) => failures.show({ kind: "failure", code: "files_unreadable", ...FILES.unusable(cause) }),
   cut: (most) => failures.show({ kind: "failure", code: "files_left_out", ...FILES.cut(most) }),
 });
-// What was said of files, for when one is chosen again.
+// What was said of files and taken, for when one is chosen again.
 const corrections = new WeakMap<File, Told>();
 const report = new ReportCard((part) => {
   const { file, lastTold } = situation;
-  if (!file || !lastTold) return;
-  corrections.set(file, { ...lastTold, ...part });
-  void upload(file, corrections.get(file));
+  if (file && lastTold) void upload(file, { ...lastTold, ...part });
 });
 const batch = new BatchPanel({
   send,
@@ -92,7 +82,7 @@ const batch = new BatchPanel({
 });
 const inside = new InsidePanel(send);
 const comparison = new Comparison({
-  now: () => situation.now(),
+  now: () => [...situation.now(), ...situation.coming()],
   picture: () => {
     const picture = makeView("view-2", { place: () => {}, pull: () => {}, graphics: () => {}, moved: () => {} });
     for (const [layer, { checked }] of switches()) picture?.setLayer(layer, checked);
@@ -151,6 +141,13 @@ const opening = new Opening(!isCalm && !arrival && !asked.brings, {
 });
 
 makeSheet();
+// A worker that reads hears nothing: another one takes its place.
+element("progress-stop", HTMLButtonElement).addEventListener("click", () => {
+  while (situation.isReading) giveUp(situation.refused());
+  stop(ATTEMPT.restarting);
+  restart();
+  comparison.restart();
+});
 element("check-open", HTMLButtonElement).addEventListener("click", showCheck);
 if (new URLSearchParams(location.search).has("check")) showCheck();
 const pressCamera = choice("cameras", look);
@@ -218,6 +215,7 @@ function receive(message: FromWorker): void {
       break;
     case "object":
       if (!situation.loaded(message)) break;
+      if (situation.file && situation.told) corrections.set(situation.file, situation.told);
       view?.showObject(message);
       objects.select(message);
       report.show(message.report);
@@ -246,7 +244,7 @@ function receive(message: FromWorker): void {
       report.showLikeness(message.likeness);
       break;
     case "progress":
-      showProgress(message);
+      showProgress(message, situation.isReading);
       break;
     case "model":
       showModel(message);
@@ -270,7 +268,10 @@ function receive(message: FromWorker): void {
       save(message.name, new Blob([message.text], { type: "application/json" }));
       break;
     case "failure":
-      if (isEnd(message)) stop(ATTEMPT.stopped);
+      if (isEnd(message)) {
+        stop(ATTEMPT.stopped);
+        objects.disable();
+      }
       if (message.code === "wasm_unsupported") stop(ATTEMPT.unsupported);
       if (message.code === "mesh_unusable") refuse(situation.refused());
       // The recording may be of another scene.
@@ -282,7 +283,7 @@ function receive(message: FromWorker): void {
 
 // Once: a worker that is begun anew goes on where the last one stopped.
 function begin(ready: Ready): void {
-  if (shared) view?.standAt(shared.view);
+  if (shared?.view) view?.standAt(shared.view);
   arrival?.ready(ready);
   brought = bring();
   void opening.ready();
@@ -299,9 +300,8 @@ async function showModel(model: Model): Promise<void> {
   opening.hasModel();
   const isFirst = isFirstModel;
   isFirstModel = false;
-  // Whoever chooses another one since knows that the link is of another.
-  if (isFirst) arrival?.hasModel(model.hash);
-  if (!isFirst || isCalm || !asked.brings || asked.plays) return;
+  arrival?.hasModel(model.hash);
+  if (!isFirst || isCalm || arrival || !asked.brings || asked.plays) return;
   await brought;
   whenSeen(() => attempt.grasp());
 }
@@ -333,6 +333,15 @@ function stop(headline: string): void {
   endProgress();
 }
 
+// Another worker, in which stands what stood there.
+function restart(): void {
+  awaited = null;
+  objects.enable();
+  engine.restart();
+  for (const message of situation.restart()) engine.send(message);
+  inside.ask();
+}
+
 function use(model: string): void {
   wanted = model;
   failures.close(NOT_FETCHED);
@@ -347,6 +356,11 @@ function load(object: string): void {
 // What stands on the table keeps its place in the list.
 function refuse(file: File | null): void {
   if (file) objects.refuse(file.name);
+}
+
+// The same of one that nobody waits for any more.
+function giveUp(file: File | null): void {
+  if (file) objects.giveUp(file.name);
 }
 
 async function upload(file: File, told: Told = { unit: null, massKg: null, stands: null }): Promise<void> {

@@ -61,7 +61,9 @@ export type ToWorker =
   // to be asked, and ended if nobody waits any more.
   | { kind: "search"; seed: number }
   // An attempt with grasps that a search found.
-  | { kind: "follow"; seed: number; grasps: string };
+  | { kind: "follow"; seed: number; grasps: string }
+  // Panic, as a mistake in the program would: what the page makes of that can be tried.
+  | { kind: "panic" };
 
 // A surface: three numbers per vertex, three indices per triangle.
 export interface Shape {

@@ -42,6 +42,16 @@ export class Situation {
     return file && file !== this.file ? file : null;
   }
 
+  // Whether a mesh is being read.
+  get isReading(): boolean {
+    return this.#coming.length > 0;
+  }
+
+  // The meshes that are being read.
+  coming(): ToWorker[] {
+    return this.#coming.map(({ message }) => message);
+  }
+
   // Another worker is begun: what the last one was reading is not tried again.
   restart(): ToWorker[] {
     this.#coming = [];

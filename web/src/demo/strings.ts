@@ -13,6 +13,7 @@ export const ATTEMPT = {
   planner: "Planner",
   closes: (actor: string) => `The ${actor} closes the hand`,
   stopped: "Stopped",
+  restarting: "Starting again…",
   unsupported: "This browser cannot run it",
   seed: (seed: number) => `Seed ${seed}`,
   byHand: (x: string, y: string, yaw: string) => `, placed by hand at ${x}, ${y} m, ${yaw} rad,`,

@@ -1,4 +1,4 @@
-// Cards that say what failed and what to do. They stay until closed, and can be copied.
+// Cards that say what failed and what to do. They stay until closed, or until what stopped begins again, and can be copied.
 
 import { element } from "../../common/dom";
 import { isEnd, NOT_FETCHED } from "../engine";
@@ -21,7 +21,9 @@ export class Failures {
     const known = this.#list.querySelector(`[data-code="${CSS.escape(failure.code)}"]`);
     known?.remove();
     this.#list.append(this.#card(failure));
-    while (this.#list.children.length > MOST) this.#list.firstElementChild?.remove();
+    // What stopped stays, so that it can be begun again.
+    const others = [...this.#list.children].filter((card) => !card.classList.contains("is-end"));
+    for (const card of others.slice(0, Math.max(0, others.length - MOST))) card.remove();
   }
 
   // What failed works again.
@@ -34,10 +36,12 @@ export class Failures {
     const card = (this.#template.content.cloneNode(true) as DocumentFragment).firstElementChild;
     if (!(card instanceof HTMLElement)) throw new Error("the template holds no card");
     card.dataset["code"] = code;
+    card.classList.toggle("is-end", isEnd(failure));
     const part = (selector: string) => card.querySelector<HTMLElement>(selector)!;
     part("h2").textContent = cause;
     part("p").textContent = cure;
     part("code").textContent = code;
+    part(".close").hidden = isEnd(failure);
     part(".close").addEventListener("click", () => card.remove());
     part(".copy").addEventListener("click", () => {
       const text = `${cause}\n${cure}\n${code}, ${navigator.userAgent}`;

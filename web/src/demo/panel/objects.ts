@@ -16,6 +16,15 @@ export interface ObjectEvents {
   cut(most: number): void;
 }
 
+// A file in the list.
+interface Brought {
+  input: HTMLInputElement;
+  // Whether the browser's store has it, too.
+  isKept: boolean;
+  // Whether it has been read, now or on an earlier visit.
+  wasRead: boolean;
+}
+
 export class ObjectPicker {
   readonly #events: ObjectEvents;
   readonly #list = element("objects", HTMLFieldSetElement);
@@ -23,8 +32,8 @@ export class ObjectPicker {
   readonly #input = element("file", HTMLInputElement);
   readonly #remove = element("remove", HTMLButtonElement);
   readonly #shelf = new Shelf();
-  // Files that were brought, by name: the last of a name counts.
-  readonly #files = new Map<string, HTMLInputElement>();
+  // By name: the last of a name counts.
+  readonly #files = new Map<string, Brought>();
   #selected: [string | null, string] = [null, ""];
   #first = "";
 
@@ -64,8 +73,9 @@ export class ObjectPicker {
   // Marks a built-in object, or else a file by its name, which is drawn now that its shape is known.
   select({ name, label, shape }: Pick<ObjectLoaded, "name" | "label" | "shape">): void {
     const file = name === null ? this.#files.get(label) : undefined;
-    const choice = file?.closest("label");
+    const choice = file?.input.closest("label");
     if (choice) picture(choice, shape);
+    if (file) file.wasRead = true;
     this.#mark(name, label);
   }
 
@@ -73,7 +83,7 @@ export class ObjectPicker {
     this.#selected = [name, label];
     for (const input of this.#list.querySelectorAll("input")) input.checked = input.value === name;
     const file = name === null ? this.#files.get(label) : undefined;
-    if (file) file.checked = true;
+    if (file) file.input.checked = true;
     this.#remove.hidden = !file;
   }
 
@@ -82,11 +92,20 @@ export class ObjectPicker {
   }
 
   // Puts a file into the list.
-  add(file: File): void {
-    this.#files.get(file.name)?.closest("label")?.remove();
+  add(file: File, isKept = false, wasRead = false): void {
+    this.#files.get(file.name)?.input.closest("label")?.remove();
     const choice = this.#choice(`file:${file.name}`, file.name, () => this.#events.upload(file));
-    this.#files.set(file.name, choice.querySelector("input")!);
+    this.#files.set(file.name, { input: choice.querySelector("input")!, isKept, wasRead });
     this.#button.before(choice);
+  }
+
+  // Nobody who could read is there.
+  disable(): void {
+    this.#list.disabled = true;
+  }
+
+  enable(): void {
+    this.#list.disabled = false;
   }
 
   // Takes a file that is of no use from the list; what stood there still does.
@@ -95,19 +114,27 @@ export class ObjectPicker {
     this.#mark(...this.#selected);
   }
 
+  // The same with one that is no longer waited for, but for what has been of use before.
+  giveUp(fileName: string): void {
+    if (!this.#files.get(fileName)?.wasRead) this.#drop(fileName);
+    this.#mark(...this.#selected);
+  }
+
   #drop(fileName: string): void {
-    this.#files.get(fileName)?.closest("label")?.remove();
+    const file = this.#files.get(fileName);
+    file?.input.closest("label")?.remove();
     this.#files.delete(fileName);
-    void this.#shelf.forget(fileName);
+    if (file?.isKept) void this.#shelf.forget(fileName);
   }
 
   // What was brought on an earlier visit, but for what has been brought again since.
   async #restore(): Promise<void> {
-    for (const file of await this.#shelf.files()) if (!this.#files.has(file.name)) this.add(file);
+    for (const file of await this.#shelf.files()) if (!this.#files.has(file.name)) this.add(file, true, true);
   }
 
   // The first one is shown, the others stand in the list.
   async #take(brought: Iterable<File> | Promise<File[]>): Promise<void> {
+    if (this.#list.disabled) return;
     let files: File[];
     try {
       files = await readable(await brought);
@@ -120,7 +147,7 @@ export class ObjectPicker {
     // What plays brings its own object.
     for (const file of files) {
       if (file.name.endsWith(".json")) continue;
-      this.add(file);
+      this.add(file, true);
       void this.#shelf.keep(file);
     }
     const [first] = files;

@@ -4,9 +4,11 @@ import { element } from "../../common/dom";
 import { outOf } from "../../common/strings";
 import type { Progress } from "../protocol";
 
-export function showProgress(progress: Progress): void {
+// What can be stopped has a button for it.
+export function showProgress(progress: Progress, canStop: boolean): void {
   if (progress.finished) return endProgress();
   element("progress", HTMLElement).hidden = false;
+  element("progress-stop", HTMLButtonElement).hidden = !canStop;
   const bar = element("progress-bar", HTMLProgressElement);
   if (progress.total === null) bar.removeAttribute("value");
   else [bar.max, bar.value] = [progress.total, progress.done];
