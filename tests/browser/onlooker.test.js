@@ -64,6 +64,12 @@ test("an attempt at which somebody pulls does not count", async () => {
   await phase(page, "lift");
   await pull(page);
   await screenshot(page, "pull");
+  // It goes on from where it is.
+  const [tick, ticks] = await page.evaluate(() => {
+    const { value, max } = document.getElementById("timeline");
+    return [Number(value), Number(max)];
+  });
+  assert.ok(tick > 0 && tick > ticks - 10, `${tick} of ${ticks}`);
   await page.waitForFunction(() => document.getElementById("hash").textContent.startsWith("Somebody pulled"));
   await page.mouse.up();
   assert.match(await page.textContent("#tally"), /^None yet/);

@@ -50,7 +50,7 @@ impl History {
 
     /// Looks at the picture of this tick; beyond the last one, at that.
     pub(crate) fn seek(&mut self, tick: usize) {
-        self.at = Some(tick).filter(|tick| tick + 1 < self.pictures.len());
+        self.at = Some(tick).filter(|tick| *tick < self.last());
     }
 
     /// Whether an earlier picture is looked at.
@@ -145,7 +145,10 @@ mod tests {
         }
         history.advance();
         assert!(!history.is_behind() && history.tick() == 4);
-        history.seek(99);
-        assert!(!history.is_behind());
+        for far in [99, usize::MAX] {
+            history.seek(1);
+            history.seek(far);
+            assert!(!history.is_behind() && history.tick() == 4);
+        }
     }
 }

@@ -85,6 +85,8 @@ pub(crate) enum ToWorker {
     Follow {
         seed: u32,
         grasps: String,
+        /// Hash of the object that they are of.
+        object: String,
     },
     /// Panic, as a mistake in the program would: what the page makes of that can be tried.
     Panic,
@@ -378,6 +380,8 @@ pub(crate) struct Found {
     pub(crate) words: String,
     /// Reliable grasps, for `Follow`.
     pub(crate) grasps: String,
+    /// Hash of the object that they are of.
+    pub(crate) object: String,
     pub(crate) count: usize,
 }
 

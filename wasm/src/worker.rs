@@ -25,8 +25,8 @@ struct Worker {
     batch: Option<Batch>,
     /// Whether a timer will call `wake`.
     is_awaited: bool,
-    /// The model that was asked for last: what comes later of another one is not wanted any more.
-    wanted: String,
+    /// How many times a model was asked for: what comes of earlier ones is not wanted any more.
+    wanted: u32,
 }
 
 thread_local! {
@@ -60,29 +60,29 @@ fn begin() -> Result<(), Failure> {
     let stage = Stage::new()?;
     post(&FromWorker::Ready(stage.ready()?));
     post(&FromWorker::Object(stage.object()));
-    let worker = Worker {
-        stage,
-        clock: Clock::new(),
-        batch: None,
-        is_awaited: false,
-        wanted: String::new(),
-    };
+    let worker = Worker { stage, clock: Clock::new(), batch: None, is_awaited: false, wanted: 0 };
     worker.show();
     WORKER.with(|cell| *cell.borrow_mut() = Some(worker));
     Ok(())
 }
 
-async fn fetch_model(id: String, base: String) {
+async fn fetch_model(id: String, base: String, request: u32) {
+    let is_wanted = || {
+        let mut is_wanted = false;
+        with_worker(|worker| is_wanted = worker.wanted == request);
+        is_wanted
+    };
     let progress = |done, total| {
+        if !is_wanted() {
+            return;
+        }
         let label = "Fetching the policy".into();
         let finished = done >= total;
         let progress = Progress { label, done, total: Some(total), unit: Amount::Bytes, finished };
         post(&FromWorker::Progress(progress));
     };
     let fetched = fetch::model(&id, &base, progress).await;
-    let mut is_wanted = false;
-    with_worker(|worker| is_wanted = worker.wanted == id);
-    if !is_wanted {
+    if !is_wanted() {
         return;
     }
     let loaded = match fetched {
@@ -135,8 +135,8 @@ impl Worker {
                 post(&FromWorker::Progress(Progress::end()));
             }
             ToWorker::Model { id, base } => {
-                self.wanted.clone_from(&id);
-                wasm_bindgen_futures::spawn_local(fetch_model(id, base));
+                self.wanted = self.wanted.wrapping_add(1);
+                wasm_bindgen_futures::spawn_local(fetch_model(id, base, self.wanted));
             }
             ToWorker::Place { pose } => self.stage.place(pose),
             ToWorker::RandomPose { seed } => self.stage.place_by_seed(seed),
@@ -158,6 +158,10 @@ impl Worker {
             }
             ToWorker::Pull { pull } => {
                 self.stage.pull(pull);
+                // While nothing moved, no time was owed.
+                if !self.is_awaited {
+                    self.clock.restart(now_ms());
+                }
                 self.await_tick();
             }
             ToWorker::Batch { seed, attempts, run } => {
@@ -167,9 +171,9 @@ impl Worker {
             }
             ToWorker::Cancel => self.end_batch(),
             ToWorker::Search { seed } => self.search(seed),
-            ToWorker::Follow { seed, grasps } => {
+            ToWorker::Follow { seed, grasps, object } => {
                 post(&FromWorker::Progress(Progress::begin("Looking and planning")));
-                let begun = self.stage.follow(seed, &grasps);
+                let begun = self.stage.follow(seed, &grasps, &object);
                 self.set_off(begun);
             }
             ToWorker::Export => {
@@ -247,6 +251,8 @@ impl Worker {
         post(&FromWorker::Progress(Progress::end()));
         match begun {
             Ok(cloud) => {
+                // Where the object stands that is in the cloud.
+                self.show();
                 post(&FromWorker::Cloud(cloud));
                 self.resume();
                 self.tell_verdict();

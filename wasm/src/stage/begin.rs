@@ -46,17 +46,26 @@ impl Stage {
             _ => format!("{tried} grasps were tried; {reliable} lift it reliably."),
         };
         let grasps = serde_json::to_string(&set.grasps).map_err(|error| broken(&error))?;
-        Ok(Found { words, grasps, count: set.grasps.len() })
+        Ok(Found { words, grasps, object: self.object.clone(), count: set.grasps.len() })
     }
 
-    /// Begins an attempt with grasps that a search found.
-    pub(crate) fn follow(&mut self, seed: u32, grasps: &str) -> Result<Cloud, Failure> {
+    /// Begins an attempt with grasps that a search found, if it is this object that they are of.
+    pub(crate) fn follow(
+        &mut self,
+        seed: u32,
+        grasps: &str,
+        object: &str,
+    ) -> Result<Cloud, Failure> {
+        if object != self.object {
+            return Err(of_another());
+        }
         let grasps: Vec<Grasp> = serde_json::from_str(grasps).map_err(|error| broken(&error))?;
         let PlanarPose { x, y, yaw } = self.pose;
-        let Loaded { object, label, .. } = &self.loaded;
+        let Loaded { object, name, label, .. } = &self.loaded;
+        let known = name.as_ref().unwrap_or(label);
         let (pose, controller) = (Some([x, y, yaw]), Controller::Found(Arc::new(grasps)));
         let attempt =
-            Attempt::begin(&self.workcell, object, label, pose, u64::from(seed), controller)
+            Attempt::begin(&self.workcell, object, known, pose, u64::from(seed), controller)
                 .map_err(|error| cannot_begin(&error))?;
         self.seed = seed;
         let what = format!("Grasp searched for {label}");
@@ -78,6 +87,14 @@ impl Stage {
         self.history.clear();
         self.record();
         Cloud { points, reconstruction, likeness }
+    }
+}
+
+fn of_another() -> Failure {
+    Failure {
+        code: "grasps_of_another",
+        cause: "The grasps that were searched are of another object.".into(),
+        cure: "Search again, for what stands there now.".into(),
     }
 }
 

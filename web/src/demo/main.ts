@@ -99,7 +99,7 @@ const policy = new PolicyPicker(asked.model, (id) => {
 const search = new SearchPanel({
   now: () => situation.now(),
   seed: () => attempt.seed,
-  follow: (grasps) => send({ kind: "follow", seed: attempt.seed, grasps }),
+  follow: ({ grasps, object }) => send({ kind: "follow", seed: attempt.seed, grasps, object }),
   tell: (failure) => failures.show(failure),
 });
 const view = makeView("view", {
@@ -116,7 +116,7 @@ const view = makeView("view", {
   },
 });
 const share = new SharePanel({
-  view: () => view?.stand() ?? [0, 0, 0, 0, 0, 0],
+  view: () => view?.stand() ?? null,
   picture: () => view?.picture() ?? Promise.resolve(null),
   canvas: () => element("view", HTMLCanvasElement),
   episode: () => send({ kind: "export" }),
@@ -292,6 +292,9 @@ function begin(ready: Ready): void {
 // With a mesh that the address asks for, the first attempt begins by itself, unless motion is unwelcome.
 async function showModel(model: Model): Promise<void> {
   attempt.showModel(model);
+  // What another encoder made of the cloud is not what this one does.
+  view?.forgetReconstruction();
+  report.showLikeness(null);
   batch.clear();
   batch.enable(true);
   share.hasModel(model);

@@ -60,8 +60,8 @@ export type ToWorker =
   // Search grasps of what stands there. It takes its time, and nothing else is heard meanwhile: a worker of its own is
   // to be asked, and ended if nobody waits any more.
   | { kind: "search"; seed: number }
-  // An attempt with grasps that a search found.
-  | { kind: "follow"; seed: number; grasps: string }
+  // An attempt with grasps that a search found, of the object with this hash.
+  | { kind: "follow"; seed: number; grasps: string; object: string }
   // Panic, as a mistake in the program would: what the page makes of that can be tried.
   | { kind: "panic" };
 
@@ -278,6 +278,8 @@ export interface Attempted {
 export interface Found {
   kind: "found";
   words: string;
+  // Hash of the object that they are of.
+  object: string;
   // Reliable grasps, to be followed.
   grasps: string;
   count: number;

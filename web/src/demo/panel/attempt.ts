@@ -110,7 +110,10 @@ export class AttemptPanel {
 
   showFrame({ phase, played, marks }: Frame): void {
     // Looking back at an attempt that has ended changes nothing of how it did.
-    if (this.#verdict && !marks.some(([phase]) => phase === "verdict")) this.#verdict = null;
+    if (this.#verdict && !marks.some(([phase]) => phase === "verdict")) {
+      this.#verdict = null;
+      this.#hash.hidden = true;
+    }
     if (phase === this.#phase && played?.what === this.#played?.what) return;
     if (this.#played && !played) this.#hash.hidden = true;
     [this.#phase, this.#played] = [phase, played];
@@ -119,7 +122,7 @@ export class AttemptPanel {
     } else {
       const closes = played?.closes ?? ATTEMPT.closes(this.#actor ?? "policy");
       this.#headline.textContent = phase === "policy" ? closes : ATTEMPT.phases[phase];
-      if (played) this.#note(ATTEMPT.noPolicy(played.what));
+      if (played && !this.#verdict) this.#note(ATTEMPT.noPolicy(played.what));
     }
     this.#showPhases();
   }

@@ -2,15 +2,15 @@
 
 import { element } from "../../common/dom";
 import { Engine, givenUp } from "../engine";
-import type { Failure, FromWorker, ToWorker } from "../protocol";
+import type { Failure, Found, FromWorker, ToWorker } from "../protocol";
 import { SEARCH } from "../strings";
 
 export interface SearchEvents {
   // What a worker must be told to stand where the first one does.
   now(): ToWorker[];
   seed(): number;
-  // Plays these grasps.
-  follow(grasps: string): void;
+  // Plays these grasps of the object with this hash.
+  follow(found: Found): void;
   tell(failure: Failure): void;
 }
 
@@ -21,7 +21,7 @@ export class SearchPanel {
   readonly #words = element("search-words", HTMLElement);
   #engine: Engine | null = null;
   // Grasps of the object that stands there, once they are found.
-  #grasps: string | null = null;
+  #grasps: Found | null = null;
 
   constructor(events: SearchEvents) {
     this.#events = events;
@@ -64,7 +64,7 @@ export class SearchPanel {
     if (message.kind === "progress" && message.total !== null) {
       [this.#bar.max, this.#bar.value] = [message.total, message.done];
     } else if (message.kind === "found") {
-      this.#grasps = message.count > 0 ? message.grasps : null;
+      this.#grasps = message.count > 0 ? message : null;
       this.#stop(message.words);
       if (this.#grasps) this.#events.follow(this.#grasps);
     } else if (message.kind === "failure") {

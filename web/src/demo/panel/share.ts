@@ -9,8 +9,8 @@ import { linkOf, type Shared } from "../share";
 import { SHARE } from "../strings";
 
 export interface ShareEvents {
-  // Where the viewer stands and looks.
-  view(): number[];
+  // Where the viewer stands and looks, if there is anything to be seen.
+  view(): number[] | null;
   picture(): Promise<Blob | null>;
   canvas(): HTMLCanvasElement;
   episode(): void;

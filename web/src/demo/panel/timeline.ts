@@ -17,8 +17,8 @@ export class Timeline {
   constructor(send: (message: ToWorker) => void) {
     this.#send = send;
     this.#slider.addEventListener("input", () => this.seek(this.#slider.valueAsNumber));
-    this.#slider.addEventListener("pointerdown", () => (this.#isHeld = true));
-    addEventListener("pointerup", () => (this.#isHeld = false));
+    this.#slider.addEventListener("pointerdown", ({ button }) => (this.#isHeld = button === 0));
+    for (const end of ["pointerup", "pointercancel"]) addEventListener(end, () => (this.#isHeld = false));
     for (const button of this.#phases) {
       button.addEventListener("click", () => {
         const tick = this.#begin(button);

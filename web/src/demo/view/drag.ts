@@ -27,6 +27,9 @@ export function dragObject(canvas: HTMLCanvasElement, workspace: Rectangle, targ
   let pointer: number | null = null;
   // Where it was grabbed, in its own frame, if it is pulled at.
   let held: [number, number, number] | null = null;
+  // How it began, which the camera was not told; while it is told, that is not ours.
+  let begun: PointerEvent | null = null;
+  let isPassedOn = false;
 
   const aim = (event: PointerEvent) => {
     const box = canvas.getBoundingClientRect();
@@ -47,8 +50,14 @@ export function dragObject(canvas: HTMLCanvasElement, workspace: Rectangle, targ
   canvas.addEventListener(
     "pointerdown",
     (event) => {
-      // A second finger zooms: it ends a drag and begins none.
-      if (pointer !== null && !event.isPrimary) release(pointer);
+      if (isPassedOn) return;
+      // A second finger zooms: it ends a drag and begins none. The camera has to know of the first, too.
+      if (pointer !== null && begun && !event.isPrimary) {
+        release(pointer);
+        isPassedOn = true;
+        canvas.dispatchEvent(new PointerEvent(begun.type, begun));
+        isPassedOn = false;
+      }
       if (event.button !== 0 || !event.isPrimary || pointer !== null || !isOver(event)) return;
       event.stopImmediatePropagation();
       const { matrixWorld, position } = target.thing.group;
@@ -60,6 +69,7 @@ export function dragObject(canvas: HTMLCanvasElement, workspace: Rectangle, targ
       else plane.set(new Vector3(0, 0, 1), -hit.z);
       offset.subVectors(hit, position);
       pointer = event.pointerId;
+      begun = event;
       canvas.setPointerCapture(pointer);
       target.grabbed(true);
     },

@@ -11,8 +11,11 @@ const QUICK = 20;
 const NEWEST = 0.2;
 // Pictures before a judgement.
 const FEW = 6;
-// A finer picture that proved too slow is not tried again for so long (milliseconds), and each time longer.
+// A finer picture that proved too slow is not tried again for so long (milliseconds), and each time longer, up to a limit.
 const PATIENCE = 4_000;
+const LONGEST = 64_000;
+// A page that is not seen draws nothing: what waited longer than this says nothing of the machine (milliseconds).
+const UNSEEN = 1_000;
 
 export class Sharpness {
   #share = 1;
@@ -24,13 +27,14 @@ export class Sharpness {
   // Share of the screen's pixels along a side, for a picture that is drawn now and was wanted before (milliseconds).
   share(wanted: number, now: number): number {
     const waited = now - wanted;
+    if (waited > UNSEEN) return this.#share;
     this.#count += 1;
     this.#mean = this.#count === 1 ? waited : this.#mean + NEWEST * (waited - this.#mean);
     if (this.#count < FEW) return this.#share;
     if (this.#mean > SLOW && this.#share > LEAST) {
       this.#change(Math.max(LEAST, this.#share * STEP));
       this.#finerAt = now + this.#wait;
-      this.#wait *= 2;
+      this.#wait = Math.min(LONGEST, this.#wait * 2);
     } else if (this.#mean < QUICK && this.#share < 1 && now > this.#finerAt) {
       this.#change(Math.min(1, this.#share / STEP));
     }

@@ -131,6 +131,11 @@ export class View {
     this.#wake();
   }
 
+  forgetReconstruction(): void {
+    this.#reconstruction.show(new Float32Array(0));
+    this.#wake();
+  }
+
   #clearCloud(): void {
     this.showCloud({ points: new Float32Array(0), reconstruction: new Float32Array(0) });
   }
@@ -271,7 +276,7 @@ export class View {
     if (isMoving || isGhostMoving || isTurning) this.#wake();
     clearTimeout(this.#rest);
     // Twice as many pixels do for smoothed edges.
-    const finest = this.#isPlain ? 2 : 1;
+    const finest = this.#isPlain ? Math.max(1, 2 / Math.min(devicePixelRatio, 2)) : 1;
     if (share < finest) this.#rest = window.setTimeout(() => this.#draw(performance.now(), finest), REST);
   }
 }
