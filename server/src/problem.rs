@@ -112,6 +112,14 @@ impl Problem {
         Self { code: "input_not_found", hint: hint.into(), ..problem }
     }
 
+    /// An encoder is asked to act.
+    pub(crate) fn encoder_alone(id: &str) -> Self {
+        let detail = format!("\"{id}\" is an encoder, which does not act");
+        let hint = "train a policy with it: kind policy.train, encoder_id";
+        let problem = Self::invalid("params.model_id", detail);
+        Self { hint: hint.into(), ..problem }
+    }
+
     /// There is no such job.
     pub(crate) fn no_job(id: &str) -> Self {
         let detail = format!("there is no job \"{id}\"");

@@ -129,6 +129,12 @@ impl Engine {
                 return Err(Problem::missing_input(param, id));
             }
         }
+        if let Some(id) = &inputs.model_id
+            && let Some(record) = self.store.record(RecordKind::Model, id).await?
+            && record["kind"] == "encoder"
+        {
+            return Err(Problem::encoder_alone(id));
+        }
         Ok(inputs)
     }
 }

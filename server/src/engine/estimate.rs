@@ -37,8 +37,11 @@ mod seconds {
 mod bytes {
     pub(super) const DEMONSTRATION: f64 = 22_000.0;
     pub(super) const CLOUD: f64 = 18_400.0;
-    /// With its checkpoints.
+    /// With what it goes on from.
     pub(super) const MODEL: f64 = 150e6;
+    /// Each model on the way is kept, to be tried.
+    pub(super) const CHECKPOINT: f64 = 12.6e6;
+    pub(super) const CHECKPOINT_OF_SMALL: f64 = 1.7e6;
     pub(super) const ATTEMPT: f64 = 200.0;
     pub(super) const MESH: f64 = 5e6;
 }
@@ -90,9 +93,15 @@ fn standard(params: &Params) -> (f64, f64) {
             (seconds::EXAMPLE_OF_ENCODER * examples, bytes::MODEL)
         }
         Params::Policy(params) => {
+            let course = &params.course;
             let is_mlp = params.policy.starts_with("mlp");
             let each = if is_mlp { seconds::EXAMPLE_OF_MLP } else { seconds::EXAMPLE_OF_NGF };
-            (each * examples(params.course.steps, params.course.batch), bytes::MODEL)
+            let is_small = is_mlp && !params.policy.contains("large");
+            let kept = if is_small { bytes::CHECKPOINT_OF_SMALL } else { bytes::CHECKPOINT };
+            let every = course.checkpoint.unwrap_or(u64::MAX).max(1);
+            let checkpoints = course.steps.unwrap_or_default() / every;
+            let bytes = bytes::MODEL + kept * checkpoints as f64;
+            (each * examples(course.steps, course.batch), bytes)
         }
         Params::Evaluation(params) => {
             let rounds = if params.controls { 5.0 } else { 1.0 };
@@ -137,5 +146,17 @@ mod tests {
         // As it was measured: 400 s and 1.05 GB.
         let (seconds, bytes) = of("variants");
         assert!((200.0..800.0).contains(&seconds) && (0.5e9..2e9).contains(&bytes), "{seconds}");
+    }
+
+    #[test]
+    fn every_checkpoint_of_a_training_stays_on_the_disk() {
+        let of = |checkpoint: u64| {
+            let given =
+                json!({ "dataset_id": "dst_1", "steps": 160_000, "checkpoint": checkpoint });
+            let params = Params::resolve(Kind::PolicyTrain, given.as_object().unwrap().clone());
+            standard(&params.unwrap()).1
+        };
+        assert!((of(80_000) - of(160_000) - bytes::CHECKPOINT).abs() < 1.0);
+        assert!(of(100) > 20e9, "{}", of(100));
     }
 }

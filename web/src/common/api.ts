@@ -84,21 +84,38 @@ export function noServer(why: string): Problem {
   return { status: 0, title, code: "no_server", detail: detail(why), hint };
 }
 
+// The question for the token while it is asked: whoever else needs it waits for the same answer.
+let asking: Promise<void> | null = null;
+const GIVEN = "given";
+
 // Resolves once a token is there.
 function askForToken(wasWrong: boolean): Promise<void> {
+  asking ??= dialogForToken(wasWrong).finally(() => (asking = null));
+  return asking;
+}
+
+function dialogForToken(wasWrong: boolean): Promise<void> {
   return new Promise((resolve, reject) => {
-    const input = h("input", { type: "password", autocomplete: "off", required: true, "aria-label": TOKEN.label });
+    // Other characters no header takes.
+    const pattern = { pattern: "[!-~]+", title: TOKEN.pattern };
+    const input = h("input", { type: "password", autocomplete: "off", required: true, "aria-label": TOKEN.label, ...pattern });
     const dialog = h(
       "dialog",
       { class: "token", "aria-label": TOKEN.label },
       h("h2", {}, wasWrong ? TOKEN.wrong : TOKEN.asks),
       h("p", { class: "hint" }, TOKEN.hint),
-      h("form", { method: "dialog" }, input, h("button", { class: "primary" }, TOKEN.goOn)),
+      h(
+        "form",
+        { method: "dialog" },
+        input,
+        h("button", { class: "primary", value: GIVEN }, TOKEN.goOn),
+        h("button", { formnovalidate: true }, TOKEN.cancel),
+      ),
     );
     document.body.append(dialog);
     dialog.addEventListener("close", () => {
       dialog.remove();
-      if (input.value === "") return reject(new Refused({ ...noServer(""), code: "no_token", ...TOKEN.missing }));
+      if (dialog.returnValue !== GIVEN) return reject(new Refused({ ...noServer(""), code: "no_token", ...TOKEN.missing }));
       sessionStorage.setItem(KEY, input.value);
       resolve();
     });

@@ -22,6 +22,8 @@ export const TOKEN = {
   wrong: "This token is not the server’s",
   hint: "It stands in the file that the server was started with, and is kept until this tab is closed.",
   goOn: "Go on",
+  cancel: "Cancel",
+  pattern: "Letters, digits and signs, without spaces",
   missing: { detail: "Without the token nothing can be changed.", hint: "Ask whoever runs the server for it." },
 } as const;
 

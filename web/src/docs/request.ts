@@ -73,8 +73,10 @@ function answers({ responses }: Operation): HTMLElement {
 function tried(description: Description, method: string, path: string, parameters: Parameter[], operation: Operation): HTMLElement {
   const asked = parameters.filter((one) => one.in !== "header");
   const inputs = asked.map((one) => h("input", { type: "text", placeholder: one.name, "aria-label": one.name, size: 14 }));
-  const text = operation.requestBody ? h("textarea", { rows: 4, "aria-label": TRIED.body, spellcheck: "false" }) : null;
+  const isJson = operation.requestBody?.content["application/json"] !== undefined;
+  const text = isJson ? h("textarea", { rows: 4, "aria-label": TRIED.body, spellcheck: "false" }) : null;
   if (text) text.value = example(description, operation);
+  const file = operation.requestBody && !isJson ? h("input", { type: "file", "aria-label": TRIED.file }) : null;
   const shell = h("code");
   const answer = h("pre", { class: "answer", tabindex: 0, hidden: true });
   const url = () => {
@@ -88,23 +90,31 @@ function tried(description: Description, method: string, path: string, parameter
     return new URL(`..${filled}${query.size > 0 ? `?${query}` : ""}`, location.href).href;
   };
   const command = () => {
-    const verb = method === "get" || (method === "post" && text) ? "" : ` -X ${method.toUpperCase()}`;
+    const verb = method === "get" || (method === "post" && (text || file)) ? "" : ` -X ${method.toUpperCase()}`;
     const token = method === "get" ? "" : tokenHeader();
-    const data = text ? ` -d '${text.value.replaceAll("'", "'\\''")}'` : "";
+    const quoted = (value: string) => `'${value.replaceAll("'", "'\\''")}'`;
+    const data = text ? ` -d ${quoted(text.value)}` : file ? ` --data-binary ${quoted(`@${file.files?.[0]?.name ?? "FILE"}`)}` : "";
     const address = decodeURI(url());
     shell.textContent = `curl -fsS${verb}${token}${data} ${/[?&{]/.test(address) ? `"${address}"` : address}`;
   };
   const run = async () => {
     answer.hidden = false;
     answer.textContent = "…";
+    let body: unknown;
     try {
-      const got = await send(url(), method.toUpperCase(), text ? (JSON.parse(text.value) as unknown) : undefined);
+      body = text ? (JSON.parse(text.value) as unknown) : file?.files?.[0];
+    } catch (error) {
+      answer.textContent = TRIED.noJson(String(error));
+      return;
+    }
+    try {
+      const got = await send(url(), method.toUpperCase(), body);
       answer.textContent = `${got.status}\n${await shown(got)}`;
     } catch (error) {
       answer.replaceChildren(refusal(error));
     }
   };
-  for (const input of [...inputs, ...(text ? [text] : [])]) input.addEventListener("input", command);
+  for (const input of [...inputs, text, file]) input?.addEventListener("input", command);
   command();
   const isStream = path.endsWith("/stream");
   const told = h("p", { class: "hint told", role: "status" });
@@ -122,6 +132,7 @@ function tried(description: Description, method: string, path: string, parameter
     { class: "try" },
     h("div", { class: "inputs" }, ...inputs),
     text,
+    file,
     h("div", { class: "shell" }, shell, copy, isStream ? null : button(TRIED.tryIt, run)),
     told,
     answer,
@@ -131,6 +142,7 @@ function tried(description: Description, method: string, path: string, parameter
 async function shown(answer: Response): Promise<string> {
   const kind = answer.headers.get("content-type") ?? "";
   if (answer.status === 204) return "";
+  if (/ndjson|openmetrics/.test(kind)) return (await answer.text()).slice(0, MOST_SHOWN);
   if (kind.includes("json")) return JSON.stringify(await answer.json(), null, 2).slice(0, MOST_SHOWN);
   if (kind.startsWith("text/")) return (await answer.text()).slice(0, MOST_SHOWN);
   const { size } = await answer.blob();

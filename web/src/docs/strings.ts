@@ -15,6 +15,8 @@ export const REQUEST = {
 // Where it is tried.
 export const TRIED = {
   body: "Body",
+  file: "File that is sent",
+  noJson: (why: string) => `The body is no JSON: ${why}`,
   tryIt: "Try it",
   bytes: (count: string, kind: string) => `${count} bytes of ${kind}`,
 } as const;

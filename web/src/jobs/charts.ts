@@ -29,8 +29,9 @@ export class Charts {
 
   constructor(feed: Feed, jobs: Job[]) {
     this.element.append(h("h2", {}, CHARTS.title), this.#controls(), this.#notice, this.#grid);
+    const began = ({ started_at, created_at }: Job) => Date.parse(started_at ?? created_at);
     this.#courses = jobs.map((job) => ({
-      course: new Course(job.id, Date.parse(job.started_at ?? job.created_at)),
+      course: new Course(job.id, () => began(feed.jobs.get(job.id) ?? job)),
       label: jobs.length === 1 ? CHARTS.value : title(job),
     }));
     void this.#fetch();

@@ -12,17 +12,29 @@ export class Checkpoints {
   readonly element: HTMLElement;
   readonly #body: HTMLTableSectionElement;
   readonly #seen = new Set<string>();
+  readonly #job: string;
+  // Why they could not be had.
+  readonly #notice = h("div");
 
   constructor(job: string) {
+    this.#job = job;
     const empty = table(CHECKPOINTS.head, [], [0, 1, 2]);
     this.#body = empty.querySelector("tbody")!;
-    this.element = section(CHECKPOINTS.title, empty);
+    this.element = section(CHECKPOINTS.title, empty, this.#notice);
     this.element.hidden = true;
-    const fetched = ask<List<Checkpoint>>(`jobs/${job}/checkpoints`);
-    fetched.then(({ data }) => data.forEach((one) => this.add(one))).catch((error: unknown) => {
-      this.element.append(refusal(error));
+    void this.fetch();
+  }
+
+  // Those so far, and those that were missed meanwhile.
+  async fetch(): Promise<void> {
+    try {
+      const { data } = await ask<List<Checkpoint>>(`jobs/${this.#job}/checkpoints`);
+      this.#notice.replaceChildren();
+      for (const one of data) this.add(one);
+    } catch (error) {
+      this.#notice.replaceChildren(refusal(error));
       this.element.hidden = false;
-    });
+    }
   }
 
   add({ step, model_id, bytes, metrics }: Checkpoint): void {
@@ -39,6 +51,7 @@ export class Checkpoints {
       demo(`model=${model_id}`, DEMO.tryIn),
       link(`new?kind=policy.evaluate&model_id=${model_id}`, CHECKPOINTS.evaluate),
     ];
-    this.#body.prepend(h("tr", {}, ...cells.map((cell, i) => h("td", { class: i < 3 ? "is-number" : null }, cell))));
+    const row = h("tr", { "data-step": step }, ...cells.map((cell, i) => h("td", { class: i < 3 ? "is-number" : null }, cell)));
+    this.#body.insertBefore(row, [...this.#body.rows].find((other) => Number(other.dataset["step"]) <= step) ?? null);
   }
 }

@@ -15,15 +15,19 @@ export class Comparison implements View {
   #isClosed = false;
 
   constructor(feed: Feed, ids: string[]) {
-    const fetched = Promise.all(ids.map((id) => feed.jobs.get(id) ?? feed.fetch(id)));
-    fetched.then(
-      (jobs) => {
-        if (this.#isClosed) return;
-        this.#charts = new Charts(feed, jobs);
-        this.element.append(section(COMPARISON.jobs, names(jobs)), section(COMPARISON.differences, differences(jobs)), this.#charts.element);
-      },
-      (error: unknown) => this.element.append(refusal(error)),
-    );
+    void this.#open(feed, ids);
+  }
+
+  // Compares those that are there, and says why others are not.
+  async #open(feed: Feed, ids: string[]): Promise<void> {
+    const fetched = await Promise.allSettled(ids.map(async (id) => feed.jobs.get(id) ?? (await feed.fetch(id))));
+    if (this.#isClosed) return;
+    const jobs = fetched.flatMap((one) => (one.status === "fulfilled" ? [one.value] : []));
+    const refused = fetched.flatMap((one) => (one.status === "rejected" ? [refusal(one.reason)] : []));
+    this.element.append(...refused);
+    if (jobs.length === 0) return;
+    this.#charts = new Charts(feed, jobs);
+    this.element.append(section(COMPARISON.jobs, names(jobs)), section(COMPARISON.differences, differences(jobs)), this.#charts.element);
   }
 
   close(): void {

@@ -9,11 +9,12 @@ const MOST = 2000;
 export class Course {
   readonly id: string;
   columns: Columns = { step: [], wall: [] };
-  #began: number;
+  // When the job began (ms): one that waits is told later.
+  readonly #began: () => number;
   // What was measured while the rest is fetched.
   #meanwhile: JobEvent[] | null = null;
 
-  constructor(id: string, began: number) {
+  constructor(id: string, began: () => number) {
     this.id = id;
     this.#began = began;
   }
@@ -41,7 +42,7 @@ export class Course {
     const row: Record<string, unknown> = {
       ...values,
       step,
-      wall: (Date.parse(event.created_at) - this.#began) / 1000,
+      wall: (Date.parse(event.created_at) - this.#began()) / 1000,
     };
     const length = isSame ? steps.length : steps.length + 1;
     for (const name of new Set([...Object.keys(this.columns), ...Object.keys(row)])) {

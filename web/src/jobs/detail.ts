@@ -1,6 +1,6 @@
 // One job: where it stands, what can be done about it, what it measured, said and made.
 
-import { API, ask, type List } from "../common/api";
+import { API, ask, type List, Refused } from "../common/api";
 import { button, h } from "../common/dom";
 import { download, facts, failureCard, link, refusal, section } from "../common/parts";
 import { duration, number, when } from "../common/numbers";
@@ -33,6 +33,9 @@ export class Detail implements View {
   #checkpoints: Checkpoints | null = null;
   #log: Log | null = null;
   #seen = "";
+  // The job, or what came of it, could not be had.
+  #isRefused = false;
+  #isMadeRefused = false;
   #isClosed = false;
 
   constructor(feed: Feed, id: string) {
@@ -43,6 +46,7 @@ export class Detail implements View {
       event: ({ job, type, data }) => {
         if (job === id && type === "checkpoint") this.#checkpoints?.add(data as unknown as Checkpoint);
       },
+      connection: (state) => state === "live" && this.#catchUp(),
     });
     void this.#open();
   }
@@ -56,10 +60,24 @@ export class Detail implements View {
     this.#deletion.settle();
   }
 
+  // The server is back: what could not be had is asked for again.
+  #catchUp(): void {
+    if (this.#charts) {
+      void this.#checkpoints?.fetch();
+      if (this.#isMadeRefused) void this.#showMade();
+    } else if (this.#isRefused) {
+      void this.#open();
+    }
+  }
+
   async #open(): Promise<void> {
+    this.#isRefused = false;
     try {
-      const job = this.#feed.jobs.get(this.#id) ?? (await this.#feed.fetch(this.#id));
+      const known = this.#feed.jobs.get(this.#id);
+      if (known) void this.#fetchAgain();
+      const job = known ?? (await this.#feed.fetch(this.#id));
       if (this.#isClosed) return;
+      this.element.replaceChildren();
       this.#charts = new Charts(this.#feed, [job]);
       this.#checkpoints = new Checkpoints(job.id);
       this.#log = new Log(this.#feed, job);
@@ -77,7 +95,19 @@ export class Detail implements View {
       this.element.append(head, this.#charts.element, this.#checkpoints.element, this.#made, this.#log.element);
       this.#show();
     } catch (error) {
-      this.element.append(refusal(error));
+      this.#isRefused = true;
+      this.element.replaceChildren(refusal(error));
+    }
+  }
+
+  // It may have been deleted elsewhere, of which nobody is told.
+  async #fetchAgain(): Promise<void> {
+    try {
+      await this.#feed.fetch(this.#id);
+    } catch (error) {
+      if (!(error instanceof Refused) || error.problem.status !== 404) return;
+      this.#feed.forget(this.#id);
+      this.element.replaceChildren(refusal(error));
     }
   }
 
@@ -107,7 +137,7 @@ export class Detail implements View {
       ...(has("failed", "cancelled") ? [verb("retry", job.resumable ? JOB.goOn : JOB.tryAgain)] : []),
       ...(has("running", "queued", "paused") ? [verb("cancel", JOB.stop)] : []),
       h("a", { class: "action", href: `#new?clone=${job.id}`, click: () => this.#deletion.cancel() }, JOB.again),
-      button(JOB.rename, () => this.#rename(job)),
+      button(JOB.rename, () => this.#rename()),
       ...(ENDED.includes(job.status) ? [button(JOB.delete, () => this.#deletion.begin())] : []),
     ];
   }
@@ -123,10 +153,10 @@ export class Detail implements View {
     }
   }
 
-  async #rename(job: Job): Promise<void> {
-    const name = prompt(JOB.nameOf, job.name ?? "");
+  async #rename(): Promise<void> {
+    const name = prompt(JOB.nameOf, this.#feed.jobs.get(this.#id)?.name ?? "");
     if (name !== null) {
-      await this.#do(async () => this.#feed.put(await ask<Job>(`jobs/${job.id}`, "PATCH", { name: name || null })));
+      await this.#do(async () => this.#feed.put(await ask<Job>(`jobs/${this.#id}`, "PATCH", { name: name || null })));
     }
   }
 
@@ -155,6 +185,7 @@ export class Detail implements View {
     } catch (error) {
       why = refusal(error);
     }
+    this.#isMadeRefused = why !== null;
     this.#made.replaceChildren(
       ...(reports.length > 0 ? [section(EVALUATION.title, evaluations(reports, job))] : []),
       section(JOB.made, outputs(job), files(artifacts), why),

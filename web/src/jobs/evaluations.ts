@@ -15,7 +15,8 @@ const LARGEST_SEED = 0xffffffff;
 // The attempts are links where it is known which job made them, and with which object.
 export function evaluations(reports: Evaluation[], job: Job | null = null): HTMLElement {
   const rows = reports.map((report) => [
-    label(report.object),
+    // A mesh is called by its id.
+    report.object.startsWith("msh_") ? report.object : label(report.object),
     report.job ? link(`jobs/${report.job}`, report.policy) : report.policy,
     share(report),
     outOf(report.lifted, report.attempts),

@@ -34,6 +34,7 @@ export class Feed {
   // The last id of the pages so far, "" before the first; jobs that are known from elsewhere may be older.
   #oldest = "";
   #last: string | null = null;
+  #source: EventSource | null = null;
   #changed = new Set<string>();
   #stale = new Set<string>();
   #timer = 0;
@@ -65,14 +66,32 @@ export class Feed {
   // Fetches the next page.
   async more(): Promise<void> {
     if (!this.#hasMore) return;
-    const filter = this.#filter;
-    const asked = Object.entries({ limit: String(PAGE), after: this.#oldest, ...filter }).filter(([, value]) => value !== "");
-    const page = await ask<List<Job>>(`jobs?${new URLSearchParams(asked)}`);
-    // Another filter was chosen meanwhile.
-    if (filter !== this.#filter) return;
+    const page = await this.#page(this.#oldest);
+    if (!page) return;
     this.#hasMore = page.has_more;
     this.#oldest = page.data.at(-1)?.id ?? this.#oldest;
     for (const job of page.data) this.#put(job);
+    this.#tell();
+  }
+
+  // Those that a filter wants and that are older than this one; null if another filter was chosen meanwhile.
+  async #page(after: string): Promise<List<Job> | null> {
+    const filter = this.#filter;
+    const asked = Object.entries({ limit: String(PAGE), after, ...filter }).filter(([, value]) => value !== "");
+    const page = await ask<List<Job>>(`jobs?${new URLSearchParams(asked)}`);
+    return filter === this.#filter ? page : null;
+  }
+
+  // What was begun, ended or deleted while nobody listened: the first page as it is now.
+  async #catchUp(): Promise<void> {
+    if (this.#oldest === "") return;
+    // A server that went away again comes back again.
+    const page = await this.#page("").catch(() => null);
+    if (!page) return;
+    const [found, last] = [new Set(page.data.map(({ id }) => id)), page.data.at(-1)?.id ?? ""];
+    for (const job of page.data) this.#put(job);
+    const isMissing = (job: Job) => this.isListed(job) && !found.has(job.id) && (!page.has_more || job.id >= last);
+    for (const job of this.jobs.values()) if (isMissing(job)) this.#stale.add(job.id);
     this.#tell();
   }
 
@@ -95,14 +114,28 @@ export class Feed {
     this.#tell();
   }
 
-  // Listens to all jobs; goes on after the last event whenever the connection was lost.
-  connect(): void {
+  // Listens to all jobs for as long as somebody looks; goes on after the last event whenever the connection was lost.
+  start(): void {
+    this.#connect();
+    // Browsers keep few connections to a server: many pages that nobody looks at would take all of them.
+    document.addEventListener("visibilitychange", () => {
+      if (!document.hidden) return this.#connect();
+      this.#source?.close();
+      this.#source = null;
+    });
+  }
+
+  #connect(): void {
+    if (document.hidden || this.#source) return;
     const url = new URL(`stream${this.#last ? `?after=${this.#last}` : ""}`, API);
     const source = new EventSource(url);
+    this.#source = source;
     source.onopen = () => this.#connected("live");
     source.onerror = () => {
       this.#connected("lost");
-      if (source.readyState === EventSource.CLOSED) setTimeout(() => this.connect(), AGAIN);
+      if (source.readyState !== EventSource.CLOSED || this.#source !== source) return;
+      this.#source = null;
+      setTimeout(() => this.#connect(), AGAIN);
     };
     for (const type of TYPES) {
       source.addEventListener(type, ({ data }) => this.#receive(JSON.parse(data) as JobEvent));
@@ -112,8 +145,10 @@ export class Feed {
   #connected(state: Connection): void {
     this.connection = state;
     for (const listener of this.#listeners) listener.connection?.(state);
-    // What happened before the stream was open; what is over has nothing to tell.
-    if (state === "live") for (const { id, status } of this.jobs.values()) if (!ENDED.includes(status)) this.#refresh(id);
+    if (state !== "live") return;
+    // What happened before the stream was open; what is over seldom has anything to tell.
+    for (const { id, status } of this.jobs.values()) if (!ENDED.includes(status)) this.#refresh(id);
+    void this.#catchUp();
   }
 
   #receive(event: JobEvent): void {

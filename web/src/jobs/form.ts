@@ -238,7 +238,9 @@ function order(name: string, required: string[]): number {
 
 async function recordsOf(name: string, { path, label: text }: (typeof RECORDS)[string]): Promise<[string, string][]> {
   const all = await everyPage<ListedRecord>(path);
-  const records = all.map((record): [string, string] => [record.id, text(record)]);
+  // An encoder alone does not act.
+  const fit = name === "model_id" ? all.filter(({ kind }) => kind !== "encoder") : all;
+  const records = fit.map((record): [string, string] => [record.id, text(record)]);
   return name === "model_id" ? [...records, ["planner", FORM.planner]] : records;
 }
 

@@ -109,7 +109,11 @@ export class Log {
     const level = new RegExp(this.#level.value, "i");
     const wanted = this.#search.value.toLowerCase();
     const shown = this.#text.filter((line) => level.test(line) && line.toLowerCase().includes(wanted));
-    this.#lines.textContent = shown.join("\n").trimEnd() || LOG.none;
+    const [before, text] = [this.#lines.textContent ?? "", shown.join("\n").trimEnd() || LOG.none];
+    // What is new is appended: a selection stays, and only that is read out.
+    const isMore = before !== "" && before !== LOG.none && text.startsWith(before);
+    if (isMore && text !== before) this.#lines.append(text.slice(before.length));
+    else if (!isMore) this.#lines.textContent = text;
     if (this.#follow.checked) this.#lines.scrollTop = this.#lines.scrollHeight;
   }
 }

@@ -88,5 +88,5 @@ try {
   if (!absence) rail.refuse(error);
 }
 element("rail", HTMLElement).hidden = absence !== null;
-if (!absence) feed.connect();
+if (!absence) feed.start();
 show();

@@ -43,8 +43,14 @@ export function progressInWords(job: Job): string {
   const unit = progress.unit === "things" ? "" : ` ${progress.unit}`;
   const done = outOf(progress.completed.toLocaleString("en"), progress.total.toLocaleString("en")) + unit;
   const rate = progress.rate_per_second && PROGRESS.rate(number(progress.rate_per_second));
-  const left = job.status === "running" && progress.eta_seconds !== null && PROGRESS.left(duration(progress.eta_seconds));
-  return `${name}: ${[done, rate, left].filter(Boolean).join(", ")}`;
+  return `${name}: ${[done, rate, timeLeft(job)].filter(Boolean).join(", ")}`;
+}
+
+// Of a running job; only a training is of one part.
+export function timeLeft({ kind, status, progress }: Job): string | null {
+  if (status !== "running" || progress?.eta_seconds == null) return null;
+  const left = duration(progress.eta_seconds);
+  return kind.endsWith(".train") ? PROGRESS.left(left) : PROGRESS.leftOfPart(left);
 }
 
 // Of a demo that is opened beside this page.

@@ -69,6 +69,7 @@ export class Rail {
   #update(changed: Set<string>): void {
     for (const id of changed) {
       const known = this.#feed.jobs.get(id);
+      if (!known) this.#marked.delete(id);
       const job = known && this.#feed.isListed(known) ? known : null;
       const row = this.#rows.get(id);
       if (job && row) {

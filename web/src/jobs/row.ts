@@ -2,7 +2,7 @@
 
 import { h } from "../common/dom";
 import { duration, when } from "../common/numbers";
-import { phaseInWords, showStatus } from "./parts";
+import { phaseInWords, showStatus, timeLeft } from "./parts";
 import { KINDS, LIST, PROGRESS } from "./strings";
 import { ENDED, type Job, title } from "./types";
 
@@ -33,7 +33,9 @@ export class Row {
     this.#name.textContent = title(job);
     this.#mark.setAttribute("aria-label", LIST.compare(title(job)));
     showStatus(this.#chip, job.status);
-    this.#about.textContent = job.name ? (KINDS[job.kind] ?? job.kind) : phaseInWords(job);
+    const kind = job.name && (KINDS[job.kind] ?? job.kind);
+    const phase = (!job.name || job.status === "running") && phaseInWords(job);
+    this.#about.textContent = [kind, phase].filter(Boolean).join(": ");
     this.#note.textContent = note(job);
     this.#bar.hidden = ENDED.includes(job.status) || !job.progress;
     if (job.progress) this.#bar.value = job.progress.fraction;
@@ -50,8 +52,10 @@ export class Row {
 }
 
 // How long yet, how long it took, or when it was asked for.
-function note({ status, progress, started_at, finished_at, created_at }: Job): string {
-  if (status === "running" && progress?.eta_seconds != null) return PROGRESS.left(duration(progress.eta_seconds));
+function note(job: Job): string {
+  const { started_at, finished_at, created_at } = job;
+  const left = timeLeft(job);
+  if (left) return left;
   if (started_at && finished_at) return duration((Date.parse(finished_at) - Date.parse(started_at)) / 1000);
   return when(created_at);
 }

@@ -63,6 +63,7 @@ export const PROGRESS = {
   title: "Progress",
   rate: (rate: string) => `${rate} a second`,
   left: (duration: string) => `${duration} left`,
+  leftOfPart: (duration: string) => `${duration} left of this part`,
 } as const;
 
 // Names of facts, whatever they are of.
