@@ -163,6 +163,7 @@ test("an attempt that failed in an evaluation is made again in the demo, and end
   assert.deepEqual(complaints, []);
   await demo.close();
   await page.close();
+  await fetch(`${served.address}/api/v1/meshes/${mesh_id}`, { method: "DELETE" });
 });
 
 test("a mesh is uploaded, evaluated on by a link, tried in the demo, and deleted", async () => {
