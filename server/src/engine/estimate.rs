@@ -151,8 +151,9 @@ mod tests {
     #[test]
     fn every_checkpoint_of_a_training_stays_on_the_disk() {
         let of = |checkpoint: u64| {
-            let given =
-                json!({ "dataset_id": "dst_1", "steps": 160_000, "checkpoint": checkpoint });
+            let given = json!({
+                "dataset_id": "dst_1", "encoder_id": "mdl_1", "steps": 160_000, "checkpoint": checkpoint
+            });
             let params = Params::resolve(Kind::PolicyTrain, given.as_object().unwrap().clone());
             standard(&params.unwrap()).1
         };
