@@ -98,6 +98,10 @@ test("a training is watched, stopped, gone on with, compared, and tried in the d
   const { dataset_id } = outputs;
   const encoder = await made("encoder.train", { dataset_id, steps: 50, checkpoint: 50 }, "First encoder");
   const other = await made("encoder.train", { dataset_id, steps: 50, checkpoint: 50, rate: 0.01 }, "Other encoder");
+  // What only sees does not act.
+  const blind = { kind: "policy.evaluate", params: { model_id: encoder.outputs.model_id, object: "sugar_box" } };
+  const refused = await fetch(`${served.address}/api/v1/jobs?dry_run=true`, { method: "POST", body: JSON.stringify(blind) });
+  assert.match((await refused.json()).detail, /is an encoder, which does not act/);
   const params = { dataset_id, encoder_id: encoder.outputs.model_id, steps: 100_000, batch: 8, checkpoint: 100 };
   const { id } = await api("jobs", { kind: "policy.train", params, name: "A long one" });
 
