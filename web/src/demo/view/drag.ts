@@ -24,12 +24,11 @@ export function dragObject(canvas: HTMLCanvasElement, workspace: Rectangle, targ
   const hit = new Vector3();
   // From the object's origin to where it was grabbed, on the table.
   const offset = new Vector3();
-  let pointer: number | null = null;
-  // Where it was grabbed, in its own frame, if it is pulled at.
-  let held: [number, number, number] | null = null;
-  // How it began, which the camera was not told; while it is told, that is not ours.
+  // How the drag began, if there is one, which the camera was not told; while it is told, that is not ours.
   let begun: PointerEvent | null = null;
   let isPassedOn = false;
+  // Where it was grabbed, in its own frame, if it is pulled at.
+  let held: [number, number, number] | null = null;
 
   const aim = (event: PointerEvent) => {
     const box = canvas.getBoundingClientRect();
@@ -52,13 +51,14 @@ export function dragObject(canvas: HTMLCanvasElement, workspace: Rectangle, targ
     (event) => {
       if (isPassedOn) return;
       // A second finger zooms: it ends a drag and begins none. The camera has to know of the first, too.
-      if (pointer !== null && begun && !event.isPrimary) {
-        release(pointer);
+      if (begun && !event.isPrimary) {
+        const first = begun;
+        release(first.pointerId);
         isPassedOn = true;
-        canvas.dispatchEvent(new PointerEvent(begun.type, begun));
+        canvas.dispatchEvent(new PointerEvent(first.type, first));
         isPassedOn = false;
       }
-      if (event.button !== 0 || !event.isPrimary || pointer !== null || !isOver(event)) return;
+      if (event.button !== 0 || !event.isPrimary || begun || !isOver(event)) return;
       event.stopImmediatePropagation();
       const { matrixWorld, position } = target.thing.group;
       held = target.isPullable(event.ctrlKey) ? [hit.x, hit.y, hit.z] : null;
@@ -68,21 +68,20 @@ export function dragObject(canvas: HTMLCanvasElement, workspace: Rectangle, targ
       if (held) plane.setFromNormalAndCoplanarPoint(target.camera.getWorldDirection(new Vector3()), hit);
       else plane.set(new Vector3(0, 0, 1), -hit.z);
       offset.subVectors(hit, position);
-      pointer = event.pointerId;
       begun = event;
-      canvas.setPointerCapture(pointer);
+      canvas.setPointerCapture(event.pointerId);
       target.grabbed(true);
     },
     { capture: true },
   );
 
   canvas.addEventListener("pointermove", (event) => {
-    if (pointer === null) {
+    if (!begun) {
       if (event.pointerType === "mouse") canvas.style.cursor = isOver(event) ? "grab" : "";
       return;
     }
-    if (event.pointerId !== pointer) return;
-    if (!held && !target.isFree()) return release(pointer);
+    if (event.pointerId !== begun.pointerId) return;
+    if (!held && !target.isFree()) return release(event.pointerId);
     aim(event);
     if (!raycaster.ray.intersectPlane(plane, hit)) return;
     if (held) return target.pulled({ point: held, towards: [hit.x, hit.y, hit.z] });
@@ -91,8 +90,8 @@ export function dragObject(canvas: HTMLCanvasElement, workspace: Rectangle, targ
   });
 
   const release = (id: number) => {
-    if (id !== pointer) return;
-    pointer = null;
+    if (id !== begun?.pointerId) return;
+    begun = null;
     if (held) target.pulled(null);
     held = null;
     target.grabbed(false);

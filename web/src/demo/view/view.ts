@@ -275,7 +275,7 @@ export class View {
     this.#canvas.dataset["drawn"] = String(this.#robot.length);
     if (isMoving || isGhostMoving || isTurning) this.#wake();
     clearTimeout(this.#rest);
-    // Twice as many pixels do for smoothed edges.
+    // Twice as many pixels along a side as an ordinary screen has do for smoothed edges.
     const finest = this.#isPlain ? Math.max(1, 2 / Math.min(devicePixelRatio, 2)) : 1;
     if (share < finest) this.#rest = window.setTimeout(() => this.#draw(performance.now(), finest), REST);
   }
