@@ -220,3 +220,32 @@ impl Chooser<'_> {
         Ok(results)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use grasps::built_in::built_in;
+
+    #[test]
+    fn reliable_and_chosen_grasps_are_read_alike_and_other_files_are_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = |name: &str, text: String| {
+            let path = folder.path().join(name);
+            std::fs::write(&path, text).unwrap();
+            path
+        };
+        let set = built_in("bleach").unwrap();
+        let unscored = |grasp| Scored { grasp, again: 0, shaken: None };
+        let reliable: Vec<Scored> = set.grasps.iter().cloned().map(unscored).collect();
+        let chosen = file("chosen.json", serde_json::to_string(&set).unwrap());
+        let found = file("reliable.json", serde_json::to_string(&reliable).unwrap());
+        let read = read_found(&[chosen, found]).unwrap();
+        let palms = |found: &[Scored]| -> Vec<Isometry> {
+            found.iter().map(|found| found.grasp.object_from_palm).collect()
+        };
+        assert_eq!(palms(&read), palms(&[reliable.clone(), reliable].concat()));
+        let other = file("scene.json", "{\"scene\": 1}".to_owned());
+        let error = read_found(&[other]).unwrap_err().to_string();
+        assert!(error.contains("scene.json holds no grasps as --reliable or --out"), "{error}");
+    }
+}
