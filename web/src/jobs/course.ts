@@ -3,7 +3,7 @@
 import { ask } from "../common/api";
 import type { Columns, JobEvent } from "./types";
 
-// Points that are fetched; a picture is not wider.
+// Points that are fetched, and half of those that are kept at most; a picture is not wider.
 const MOST = 2000;
 
 export class Course {
@@ -11,8 +11,10 @@ export class Course {
   columns: Columns = { step: [], wall: [] };
   // When the job began (ms): one that waits is told later.
   readonly #began: () => number;
-  // What was measured while the rest is fetched.
-  #meanwhile: JobEvent[] | null = null;
+  // What was measured while the rest is fetched, for each time that it is.
+  readonly #meanwhile = new Set<JobEvent[]>();
+  #asked = 0;
+  #answered = 0;
 
   constructor(id: string, began: () => number) {
     this.id = id;
@@ -20,19 +22,26 @@ export class Course {
   }
 
   async fetch(): Promise<void> {
-    const meanwhile: JobEvent[] = (this.#meanwhile = []);
+    const meanwhile: JobEvent[] = [];
+    this.#meanwhile.add(meanwhile);
+    const asked = ++this.#asked;
+    let columns: Columns;
     try {
-      this.columns = await ask<Columns>(`jobs/${this.id}/metrics?max_points=${MOST}`);
+      columns = await ask<Columns>(`jobs/${this.id}/metrics?max_points=${MOST}`);
     } finally {
-      this.#meanwhile = null;
+      this.#meanwhile.delete(meanwhile);
     }
+    // What was asked for later has more, and may be here already.
+    if (asked < this.#answered) return;
+    this.#answered = asked;
+    this.columns = columns;
     this.columns["wall"] ??= [];
     for (const event of meanwhile) this.add(event);
   }
 
   // Adds what was measured just now; true if it was new.
   add(event: JobEvent): boolean {
-    this.#meanwhile?.push(event);
+    for (const meanwhile of this.#meanwhile) meanwhile.push(event);
     const { step, ...values } = event.data as { step?: number };
     const steps = this.columns["step"] ?? [];
     if (typeof step !== "number") return false;
@@ -51,6 +60,8 @@ export class Course {
       const value = row[name];
       if (typeof value === "number") column[length - 1] = value;
     }
+    // The server thins so that no peak is lost; if it does not answer, it is asked at the next point again.
+    if (length > 2 * MOST && this.#meanwhile.size === 0) this.fetch().catch(() => undefined);
     return true;
   }
 

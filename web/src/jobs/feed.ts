@@ -70,16 +70,18 @@ export class Feed {
     if (!page) return;
     this.#hasMore = page.has_more;
     this.#oldest = page.data.at(-1)?.id ?? this.#oldest;
-    for (const job of page.data) this.#put(job);
     this.#tell();
   }
 
-  // Those that a filter wants and that are older than this one; null if another filter was chosen meanwhile.
+  // Takes those that a filter wants and that are older than this one; null if another filter was chosen meanwhile.
   async #page(after: string): Promise<List<Job> | null> {
     const filter = this.#filter;
     const asked = Object.entries({ limit: String(PAGE), after, ...filter }).filter(([, value]) => value !== "");
+    const before = new Map(this.jobs);
     const page = await ask<List<Job>>(`jobs?${new URLSearchParams(asked)}`);
-    return filter === this.#filter ? page : null;
+    if (filter !== this.#filter) return null;
+    for (const job of page.data) this.#answer(job, before.get(job.id));
+    return page;
   }
 
   // What was begun, ended or deleted while nobody listened: the first page as it is now.
@@ -89,7 +91,6 @@ export class Feed {
     const page = await this.#page("").catch(() => null);
     if (!page) return;
     const [found, last] = [new Set(page.data.map(({ id }) => id)), page.data.at(-1)?.id ?? ""];
-    for (const job of page.data) this.#put(job);
     const isMissing = (job: Job) => this.isListed(job) && !found.has(job.id) && (!page.has_more || job.id >= last);
     for (const job of this.jobs.values()) if (isMissing(job)) this.#stale.add(job.id);
     this.#tell();
@@ -97,10 +98,22 @@ export class Feed {
 
   // One job, as it is now.
   async fetch(id: string): Promise<Job> {
-    const job = await ask<Job>(`jobs/${id}`);
-    this.#put(job);
+    const job = await this.#ask(id);
     this.#tell();
     return job;
+  }
+
+  async #ask(id: string): Promise<Job> {
+    const before = this.jobs.get(id);
+    const job = await ask<Job>(`jobs/${id}`);
+    this.#answer(job, before);
+    return job;
+  }
+
+  // Takes an answer, and asks once more if it was overtaken: what came meanwhile may be newer.
+  #answer(job: Job, before: Job | undefined): void {
+    if (this.jobs.get(job.id) !== before) this.#stale.add(job.id);
+    this.#put(job);
   }
 
   forget(id: string): void {
@@ -199,7 +212,7 @@ export class Feed {
     await Promise.all(
       stale.map(async (id) => {
         try {
-          this.#put(await ask<Job>(`jobs/${id}`));
+          await this.#ask(id);
         } catch (error) {
           const isGone = error instanceof Refused && error.problem.status === 404;
           if (isGone && this.jobs.delete(id)) this.#changed.add(id);
@@ -212,5 +225,6 @@ export class Feed {
     const changed = this.#changed;
     this.#changed = new Set();
     for (const listener of this.#listeners) listener.jobs?.(changed);
+    if (this.#stale.size > 0) this.#tell();
   }
 }
