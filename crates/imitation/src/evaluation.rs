@@ -20,6 +20,9 @@ pub struct Row {
     pub state_hash: String,
     /// How the controller moved, if it came to act.
     pub motion: Option<Motion>,
+    /// How far it kept off before it closed ([`Attempt::clearance`], m).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub clearance: Option<f32>,
     /// How unlike what the encoder learned from the object looked ([`Attempt::unlikeness`], m), where one was asked.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub unlikeness: Option<f32>,
@@ -89,6 +92,7 @@ pub fn evaluate(
                 verdict,
                 state_hash: attempt.state_hash(),
                 motion: attempt.motion(),
+                clearance: attempt.clearance(workcell),
                 unlikeness: attempt.unlikeness(workcell),
                 object_from_palm: attempt.object_from_palm(workcell),
             })

@@ -64,6 +64,7 @@ pub(crate) mod samples {
             },
             state_hash: String::new(),
             motion: None,
+            clearance: None,
             unlikeness: None,
             object_from_palm: None,
         };

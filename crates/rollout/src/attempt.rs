@@ -4,13 +4,13 @@ use crate::approach::{Sight, look};
 use crate::controller::Controller;
 use crate::course::Moment;
 use crate::episode::{Episode, Marks, row_of, state_of_row};
-use crate::motion::Motion;
+use crate::motion::{self, Motion};
 use crate::phases::Phase;
 use crate::verdict::{Failure, Story, Verdict};
 use crate::workcell::{RolloutError, Workcell};
 use geometry::Vec3;
 use geometry::object::Object;
-use grasps::{Robot, demonstration, place};
+use grasps::{Robot, Setting, demonstration, place};
 use policy::{Encoding, Model};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -240,6 +240,14 @@ impl Attempt {
     /// How the controller moved between start and lift, if it came to act.
     pub fn motion(&self) -> Option<Motion> {
         Motion::of(&self.acted())
+    }
+
+    /// Least distance (m) of the robot from the table and the object, as it stood at the beginning, between start and
+    /// 0.4 s before the first touch; at most 0.1. `None` if the controller did not come to act, or touched at once.
+    pub fn clearance(&self, workcell: &Workcell) -> Option<f32> {
+        let [x, y, yaw] = self.pose;
+        let place = workcell.robot.config.upright(x, y, yaw);
+        motion::clearance(&Setting::new(&workcell.robot, &self.object, &place), &self.acted())
     }
 
     /// Pose of the palm in the object, as it stood at the beginning, where the lift began; `None` if none did.

@@ -1,7 +1,14 @@
 //! How a controller moved the joints: what is compared beside success.
 
+use grasps::Setting;
 use robot::JointState;
 use scene::config::CONTROL_PERIOD;
+
+/// Where the robot is farther off (m), its distance is not measured.
+const FARTHEST: f32 = 0.1;
+
+/// How long before it first touches the hand counts as closing (control periods): 0.4 s.
+const CLOSING: usize = 12;
 
 /// A motion between start and lift.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -35,10 +42,48 @@ impl Motion {
     }
 }
 
+/// Least distance (m) of the robot from the table and the object where that stands in `setting`, before the hand closes,
+/// which is 0.4 s before the first of these states that touches one of them; at most 0.1 m. `None` if that is at once.
+pub(crate) fn clearance(setting: &Setting, states: &[JointState]) -> Option<f32> {
+    let gaps: Vec<f32> = states.iter().map(|state| setting.clearance(&state.q, FARTHEST)).collect();
+    let touch = gaps.iter().position(|gap| *gap <= 0.0).unwrap_or(gaps.len());
+    gaps[..touch.saturating_sub(CLOSING)].iter().copied().reduce(f32::min)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use geometry::object::Object;
+    use grasps::Robot;
+    use grasps::built_in::built_in;
+    use grasps::demonstration::{self, TrajectoryConfig};
+    use rand::SeedableRng;
+    use rand_chacha::ChaCha8Rng;
     use robot::{DOF, JointVector, integrator};
+
+    #[test]
+    fn clearance_is_that_before_the_hand_closes() {
+        let robot = Robot::standard().unwrap();
+        let object = Object::built_in("sugar_box").unwrap();
+        let place = robot.config.upright(0.6, 0.0, 0.0);
+        let setting = Setting::new(&robot, &object, &place);
+        let grasps = built_in("sugar_box").unwrap().grasps;
+        let (_, posture) = setting.options(&grasps).next().expect("a grasp");
+        let palm = robot.tree.kinematics(&posture.touch).palm();
+        let (region, bounds) = (&robot.config.target, &object.bounds);
+        let mut rng = ChaCha8Rng::seed_from_u64(1);
+        let target = demonstration::draw_target(region, bounds, &place, &palm, &mut rng);
+        let config = TrajectoryConfig::standard();
+        let motion = demonstration::demonstrate(&setting, &posture, &target, &config).unwrap();
+        let states = &motion.states;
+        let gap = |tick: usize| setting.clearance(&states[tick].q, FARTHEST);
+        let touch = (0..states.len()).find(|tick| gap(*tick) <= 0.0).expect("the hand closes");
+        assert!(touch > 2 * CLOSING, "it touches at tick {touch}");
+        let found = clearance(&setting, states).unwrap();
+        assert_eq!(found, (0..touch - CLOSING).map(gap).fold(FARTHEST, f32::min));
+        assert!(found > 0.0 && found < FARTHEST, "{found} m");
+        assert_eq!(clearance(&setting, &states[touch - CLOSING..]), None);
+    }
 
     #[test]
     fn a_steady_push_has_a_path_and_no_jerk() {

@@ -1,7 +1,7 @@
 //! A suite in words: Markdown.
 
 use super::{Suite, paired};
-use crate::evaluation::Report;
+use crate::evaluation::{Report, Row};
 use std::fmt::Write;
 
 /// What was tried, the counts, the comparisons with the first policy, how they moved, and why they failed.
@@ -34,15 +34,15 @@ pub fn table(suite: &Suite) -> String {
         row(&mut text, policy, compared);
     }
     text.push_str(
-        "\nMedian duration, path and jerk of the motion into the grasp; reasons of failure.\n\n",
+        "\nOf the motion into the grasp: median duration, path, jerk and least distance from table and object before \
+         the hand closes (more than 100 mm is not measured); reasons of failure.\n\n",
     );
-    let head = ["object", "s", "rad", "rad/s³", "failures"];
+    let head = ["object", "s", "rad", "rad/s³", "mm", "failures"];
     row(&mut text, "acts", head.map(str::to_owned).into_iter());
     row(&mut text, "---", head.map(|_| "---".to_owned()).into_iter());
     for report in &suite.reports {
-        let of = |value: fn(&rollout::Motion) -> f64| {
-            let mut values: Vec<f64> =
-                report.rows.iter().filter_map(|row| row.motion.as_ref().map(value)).collect();
+        let of = |value: &dyn Fn(&Row) -> Option<f64>| {
+            let mut values: Vec<f64> = report.rows.iter().filter_map(value).collect();
             values.sort_by(f64::total_cmp);
             values.get(values.len() / 2).map_or(none(), |median| format!("{median:.1}"))
         };
@@ -53,9 +53,10 @@ pub fn table(suite: &Suite) -> String {
             .collect();
         let cells = [
             report.object.replace('_', " "),
-            of(|motion| motion.seconds),
-            of(|motion| motion.path),
-            of(|motion| motion.jerk),
+            of(&|row| row.motion.map(|motion| motion.seconds)),
+            of(&|row| row.motion.map(|motion| motion.path)),
+            of(&|row| row.motion.map(|motion| motion.jerk)),
+            of(&|row| row.clearance.map(|gap| 1e3 * f64::from(gap))),
             reasons.join(", "),
         ];
         row(&mut text, &report.policy, cells.into_iter());
@@ -126,6 +127,6 @@ mod tests {
         );
         assert!(text.contains("| mlp-pcd | 2 of 4 (15 to 85 %) | – |"), "{text}");
         assert!(text.contains("| mlp-pcd | 2 : 0, p = 5.00e-1 | – |"), "{text}");
-        assert!(text.contains("| ngf-pcd | mustard | – | – | – | 2 missed |"), "{text}");
+        assert!(text.contains("| ngf-pcd | mustard | – | – | – | – | 2 missed |"), "{text}");
     }
 }
