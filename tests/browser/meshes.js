@@ -1,8 +1,28 @@
-// Meshes to bring to the page, as OBJ files.
+// Meshes to bring to the page, as OBJ files and one as glTF.
 
 // A box of 40 x 60 x 120, without a unit as OBJ files are.
 export const BOX = `v 0 0 0\nv 40 0 0\nv 40 60 0\nv 0 60 0\nv 0 0 120\nv 40 0 120\nv 40 60 120\nv 0 60 120
 f 1 4 3 2\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n`;
+
+// The same corners in metres, as glTF that holds its buffer: two sides of the box are missing.
+export function gltf() {
+  const corners = [0, 1].flatMap((z) => [[0, 0], [1, 0], [1, 1], [0, 1]].map(([x, y]) => [0.04 * x, 0.12 * z, -0.06 * y]));
+  const faces = [[0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5]].flatMap(([a, b, c, d]) => [a, b, c, a, c, d]);
+  const buffer = Buffer.concat([Buffer.from(new Float32Array(corners.flat()).buffer), Buffer.from(new Uint16Array(faces).buffer)]);
+  const uri = `data:application/octet-stream;base64,${buffer.toString("base64")}`;
+  return JSON.stringify({
+    asset: { version: "2.0" },
+    scenes: [{ nodes: [0] }],
+    nodes: [{ mesh: 0 }],
+    meshes: [{ primitives: [{ attributes: { POSITION: 0 }, indices: 1 }] }],
+    buffers: [{ byteLength: buffer.length, uri }],
+    bufferViews: [{ buffer: 0, byteLength: 96 }, { buffer: 0, byteOffset: 96, byteLength: 2 * faces.length }],
+    accessors: [
+      { bufferView: 0, componentType: 5126, count: 8, type: "VEC3" },
+      { bufferView: 1, componentType: 5123, count: faces.length, type: "SCALAR" },
+    ],
+  });
+}
 
 // A bottle with ribs, of so many triangles.
 export function bottle(triangles) {

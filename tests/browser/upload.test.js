@@ -4,7 +4,7 @@ import assert from "node:assert/strict";
 import { after, before, test } from "node:test";
 import { deflateRawSync } from "node:zlib";
 import { open, screenshot, untilReady, visit } from "./chromium.js";
-import { BOX, bottle } from "./meshes.js";
+import { BOX, bottle, gltf } from "./meshes.js";
 
 let served;
 before(async () => (served = await open()));
@@ -88,6 +88,9 @@ test("several files, an archive and the clipboard", async () => {
   await page.click("#objects label:has-text('two.obj')");
   await shown("two.obj");
   await page.waitForFunction(() => document.getElementById("report-size").textContent === "4.0 × 6.0 × 8.0 cm");
+  await page.setInputFiles("#file", file("four.gltf", gltf()));
+  await shown("four.gltf");
+  await page.waitForFunction(() => document.getElementById("report-size").textContent === "4.0 × 6.0 × 12.0 cm");
   const archive = zip({ "meshes/three.obj": BOX.replaceAll("120", "70"), "read me.txt": "no mesh", "__MACOSX/three.obj": "x" });
   await page.setInputFiles("#file", file("meshes.zip", archive));
   await shown("three.obj");

@@ -1,11 +1,12 @@
 //! Triangle meshes: read from untrusted bytes, healed, given a unit, weighed, split into convex parts.
 //!
-//! In: the bytes of an OBJ, STL, PLY, OFF or GLB file. Out: a `Mesh` in metres, with a report of what was done
+//! In: the bytes of an OBJ, STL, PLY, OFF, GLB or glTF file. Out: a `Mesh` in metres, with a report of what was done
 //! to it. Knows nothing of files, names or physics.
 
 mod accessor;
+mod data_uri;
 mod error;
-mod glb;
+mod gltf;
 mod heal;
 mod hull;
 mod mass;

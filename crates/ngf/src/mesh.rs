@@ -11,7 +11,7 @@ use std::path::PathBuf;
 /// Which file, and where to write what was found.
 #[derive(clap::Args)]
 pub(crate) struct Options {
-    /// Mesh file: OBJ, STL, PLY, OFF or GLB.
+    /// Mesh file: OBJ, STL, PLY, OFF, GLB or glTF.
     file: PathBuf,
     /// Folder for report.json and parts.obj, the convex parts as an object each.
     #[arg(long, value_name = "DIR")]

@@ -36,7 +36,7 @@ pub(crate) struct ObjectOptions {
     /// Built-in object by name.
     #[arg(long, value_name = "NAME", conflicts_with = "mesh")]
     object: Option<String>,
-    /// Mesh file: OBJ, STL, PLY, OFF or GLB.
+    /// Mesh file: OBJ, STL, PLY, OFF, GLB or glTF.
     #[arg(long, value_name = "FILE")]
     mesh: Option<PathBuf>,
     /// Mass (kg) of the mesh.

@@ -25,7 +25,7 @@ const MOST_NAME: usize = 100;
 /// Takes a mesh, raw or as the first file of a form, and says what it is.
 #[utoipa::path(
     post, path = "/meshes", tag = "meshes", params(("name" = Option<String>, Query, description = "Name of the file")),
-    request_body(content = Vec<u8>, content_type = "application/octet-stream", description = "OBJ, STL, PLY, OFF or GLB; or a form with a file"),
+    request_body(content = Vec<u8>, content_type = "application/octet-stream", description = "OBJ, STL, PLY, OFF, GLB or glTF; or a form with a file"),
     responses((status = 201, description = "What the mesh is", body = Object), (status = 200, description = "The same bytes are there", body = Object)),
 )]
 pub(crate) async fn upload(

@@ -4,7 +4,7 @@ import { FILES } from "./strings";
 import { MOST, unzip } from "./zip";
 
 // What the worker reads: meshes, archives of them, what plays.
-const READABLE = /\.(obj|stl|ply|off|glb|json|zip)$/i;
+const READABLE = /\.(obj|stl|ply|off|glb|gltf|json|zip)$/i;
 const ARCHIVE = /\.zip$/i;
 
 // All files of a drop, those in folders too.

@@ -156,7 +156,7 @@ export const LINK = {
 // What is wrong with a file or an archive of them.
 export const FILES = {
   cannotOpen: (archive: string, why: string) => `${archive} cannot be opened: ${why}`,
-  noMesh: (archive: string) => `${archive} holds no OBJ, STL, PLY, OFF or GLB file`,
+  noMesh: (archive: string) => `${archive} holds no OBJ, STL, PLY, OFF, GLB or glTF file`,
   noEnd: "it has no end: perhaps it was not copied as a whole",
   damagedList: "its list of files is damaged",
   cutOff: "a part of it is missing: perhaps it was not copied as a whole",

@@ -175,7 +175,7 @@ export function meshes(): View {
     none: MESHES.none,
   });
   const notice = h("div");
-  const input = h("input", { type: "file", accept: ".obj,.stl,.ply,.off,.glb", "aria-label": MESHES.file });
+  const input = h("input", { type: "file", accept: ".obj,.stl,.ply,.off,.glb,.gltf", "aria-label": MESHES.file });
   input.addEventListener("change", async () => {
     notice.replaceChildren();
     try {

@@ -1,13 +1,14 @@
-//! Numbers in the buffer of a GLB file.
+//! Numbers in the buffers of a glTF file.
 //!
 //! Also quantised ones (KHR_mesh_quantization): they need nothing but their component type.
 
-use super::glb::{malformed, unsupported};
+use super::gltf::{malformed, unsupported};
 use super::read::excerpt;
 use super::{MeshError, Place};
 use gltf::json::accessor::{ComponentType, Type};
 use gltf::json::validation::Checked;
 use gltf::json::{Accessor, Index, Root};
+use std::borrow::Cow;
 
 /// Rows of numbers in the buffer.
 pub(super) struct Column<'a> {
@@ -22,7 +23,7 @@ impl<'a> Column<'a> {
     /// An accessor of the given kind, checked: each of its values lies within the buffer.
     pub(super) fn new(
         root: &Root,
-        buffer: &'a [u8],
+        buffers: &'a [Option<Cow<'a, [u8]>>],
         index: Index<Accessor>,
         kind: Type,
     ) -> Result<Self, MeshError> {
@@ -48,9 +49,15 @@ impl<'a> Column<'a> {
         }
         let view = accessor.buffer_view.and_then(|view| root.get(view));
         let view = view.ok_or_else(|| malformed(place, "a buffer view", "none".to_owned()))?;
-        if let Some(uri) = root.get(view.buffer).and_then(|buffer| buffer.uri.as_deref()) {
-            return Err(MeshError::External { uri: excerpt(uri.as_bytes()) });
-        }
+        let buffer: &[u8] = match buffers.get(view.buffer.value()) {
+            Some(Some(buffer)) => buffer,
+            Some(None) => {
+                let uri = root.get(view.buffer).and_then(|buffer| buffer.uri.as_deref());
+                let uri = excerpt(uri.unwrap_or_default().as_bytes());
+                return Err(MeshError::External { uri });
+            }
+            None => &[],
+        };
         let size = (component.size() * kind.multiplicity()) as u64;
         let stride = view.byte_stride.map_or(0, |stride| stride.0) as u64;
         let stride = if stride == 0 { size } else { stride };
@@ -63,7 +70,7 @@ impl<'a> Column<'a> {
             buffer.get(usize::try_from(start).ok()?..usize::try_from(end).ok()?)
         });
         match data {
-            Some(data) if stride >= size && view.buffer.value() == 0 => Ok(Self {
+            Some(data) if stride >= size => Ok(Self {
                 data,
                 count: count as usize,
                 stride: stride as usize,

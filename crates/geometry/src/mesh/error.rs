@@ -10,7 +10,7 @@ pub enum Place {
     Line(usize),
     /// A byte, counted from 0.
     Byte(usize),
-    /// An entry of a list, counted from 0, such as accessor 3 of a GLB file.
+    /// An entry of a list, counted from 0, such as accessor 3 of a glTF file.
     Entry(&'static str, usize),
 }
 
@@ -28,7 +28,9 @@ impl fmt::Display for Place {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum MeshError {
     /// There is nothing in the file.
-    #[error("the file is empty: expected a mesh as OBJ, STL, PLY, OFF or GLB. Export it again")]
+    #[error(
+        "the file is empty: expected a mesh as OBJ, STL, PLY, OFF, GLB or glTF. Export it again"
+    )]
     Empty,
     /// More bytes than are read at all.
     #[error(
@@ -54,7 +56,7 @@ pub enum MeshError {
     },
     /// The bytes are of some other kind.
     #[error(
-        "this looks like {found}, not a mesh: expected OBJ, STL, PLY, OFF or GLB. Export it as one of these"
+        "this looks like {found}, not a mesh: expected OBJ, STL, PLY, OFF, GLB or glTF. Export it as one of these"
     )]
     NotAMesh {
         /// What the bytes look like.
@@ -114,9 +116,9 @@ pub enum MeshError {
         /// Vertices in the file.
         vertices: usize,
     },
-    /// A GLB file that keeps its geometry elsewhere.
+    /// A glTF file that keeps its geometry elsewhere.
     #[error(
-        "the GLB file keeps its geometry in another file ({uri}): expected it embedded. Export it as one GLB file"
+        "the glTF file keeps its geometry in another file ({uri}): expected it embedded. Export it as one GLB file"
     )]
     External {
         /// Where the geometry should be.

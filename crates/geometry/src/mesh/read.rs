@@ -1,11 +1,11 @@
 //! Bytes to triangles: which format it is, the limits, and what all formats share.
 //!
 //! The format is told by content, never by name. The readers are our own, strict and small, except for the
-//! JSON of GLB: of the libraries, mesh-loader expands every corner before anything can be counted, trusts a
+//! JSON of glTF: of the libraries, mesh-loader expands every corner before anything can be counted, trusts a
 //! binary STL's length over its header, and does not say at which line an index is wrong; ply-rs-bw loops as
 //! often as the header claims for elements without properties, and refuses numbers such as `1.`.
 
-use super::{Mesh, MeshError, Place, glb, obj, off, ply, stl};
+use super::{Mesh, MeshError, Place, gltf, obj, off, ply, stl};
 use crate::Vec3;
 
 /// Largest file that is read (bytes).
@@ -18,7 +18,7 @@ pub(super) const MAX_VERTICES: usize = 3 * MAX_TRIANGLES;
 /// Largest coordinate (units of the file); its cube still fits single precision.
 const MAX_COORDINATE: f32 = 1e9;
 
-/// Reads a mesh in the units of its file: OBJ, STL (text or binary), PLY (text or binary), OFF or GLB, z up.
+/// Reads a mesh in the units of its file: OBJ, STL (text or binary), PLY (text or binary), OFF, GLB or glTF, z up.
 pub fn read(bytes: &[u8]) -> Result<Mesh, MeshError> {
     if bytes.len() > MAX_BYTES {
         return Err(MeshError::TooLarge { found: bytes.len(), limit: MAX_BYTES });
@@ -27,8 +27,8 @@ pub fn read(bytes: &[u8]) -> Result<Mesh, MeshError> {
     if bytes.trim_ascii().is_empty() {
         return Err(MeshError::Empty);
     }
-    if bytes.starts_with(b"glTF") {
-        glb::read(bytes)
+    if gltf::is_gltf(bytes) {
+        gltf::read(bytes)
     } else if bytes.starts_with(b"ply\n") || bytes.starts_with(b"ply\r") {
         ply::read(bytes)
     } else if off::is_off(bytes) {
@@ -50,7 +50,7 @@ pub fn read(bytes: &[u8]) -> Result<Mesh, MeshError> {
 
 /// Whether a file of this kind says which way is up.
 pub(super) fn says_up(bytes: &[u8]) -> bool {
-    bytes.starts_with(b"glTF")
+    gltf::is_gltf(bytes)
 }
 
 /// What people drop by mistake, by its first bytes.
@@ -66,7 +66,7 @@ fn other_kind(bytes: &[u8]) -> Option<&'static str> {
         (b"Kaydara FBX", "an FBX file"),
         (b"BLENDER", "a Blender file"),
         (b"ISO-10303-21", "a STEP file"),
-        (b"{", "JSON, perhaps a .gltf file"),
+        (b"{", "JSON"),
         (b"[", "JSON"),
     ];
     let start = bytes.trim_ascii_start();
@@ -287,7 +287,7 @@ mod tests {
     fn what_is_not_a_mesh_is_named() {
         for (bytes, found) in [
             (&b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR"[..], "a PNG picture"),
-            (b"{\"asset\": {\"version\": \"2.0\"}}", "JSON, perhaps a .gltf file"),
+            (b"{\"object\": \"mug\"}", "JSON"),
             (b"<!DOCTYPE html><html><body>404</body></html>", "a web page (HTML)"),
             (b"<?xml version=\"1.0\"?><COLLADA/>", "a COLLADA (.dae) file"),
             (b"Dear reader,\nthis is a letter.\n", "plain text"),

@@ -2,6 +2,7 @@
 
 use super::Mesh;
 use crate::Vec3;
+use base64::Engine;
 
 /// The cube from 0 to 1 along each axis.
 pub(super) fn cube() -> Mesh {
@@ -67,6 +68,7 @@ pub(super) fn all(mesh: &Mesh) -> Vec<(&'static str, Vec<u8>)> {
         ("big-endian ply", ply_binary(mesh, true)),
         ("off", off(mesh)),
         ("glb", glb(mesh)),
+        ("gltf", gltf(mesh)),
     ]
 }
 
@@ -155,6 +157,19 @@ pub(super) fn ply_binary(mesh: &Mesh, is_big: bool) -> Vec<u8> {
 
 /// A GLB file of positions (12 bytes each) and 32-bit indices; `nodes` is the JSON of the scene's one node.
 pub(super) fn glb_with_node(mesh: &Mesh, node: &str) -> Vec<u8> {
+    let (json, buffer) = gltf_parts(mesh, node);
+    glb_file(&json, buffer)
+}
+
+/// The same as JSON that holds its buffer.
+pub(super) fn gltf(mesh: &Mesh) -> Vec<u8> {
+    let (json, buffer) = gltf_parts(mesh, r#"{"mesh":0}"#);
+    let text = base64::engine::general_purpose::STANDARD.encode(buffer);
+    let uri = format!(r#""buffers":[{{"uri":"data:application/octet-stream;base64,{text}","#);
+    json.replace(r#""buffers":[{"#, &uri).into_bytes()
+}
+
+fn gltf_parts(mesh: &Mesh, node: &str) -> (String, Vec<u8>) {
     let (points, indices) = (mesh.vertices.len(), 3 * mesh.triangles.len());
     let json = format!(
         r#"{{"asset":{{"version":"2.0"}},"scene":0,"scenes":[{{"nodes":[0]}}],"nodes":[{node}],
@@ -170,7 +185,7 @@ pub(super) fn glb_with_node(mesh: &Mesh, node: &str) -> Vec<u8> {
     // glTF is y up.
     let floats = mesh.vertices.iter().flat_map(|v| [v.x, v.z, -v.y]).flat_map(f32::to_le_bytes);
     let indices = mesh.triangles.iter().flatten().flat_map(|i| i.to_le_bytes());
-    glb_file(&json, floats.chain(indices).collect())
+    (json, floats.chain(indices).collect())
 }
 
 pub(super) fn glb(mesh: &Mesh) -> Vec<u8> {

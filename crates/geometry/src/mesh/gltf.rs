@@ -1,36 +1,51 @@
-//! GLB: binary glTF 2, its JSON parsed by `gltf`, its buffer read here.
+//! glTF 2, as GLB or as JSON with its buffers in it; the JSON is parsed by `gltf`, the buffers are read here.
 //!
 //! glTF is y up: its (x, y, z) becomes our (x, -z, y). Of `gltf` only the JSON types are used: its own way to
 //! the container subtracts from a length that may be too small, and its accessors trust strides and types.
 
 use super::accessor::Column;
 use super::read::{Draft, check_count, excerpt};
-use super::{Mesh, MeshError, Place};
+use super::{Mesh, MeshError, Place, data_uri};
 use glamx::{DMat4, DQuat, DVec3};
 use gltf::json::accessor::Type;
 use gltf::json::mesh::{Mode, Primitive, Semantic};
 use gltf::json::validation::Checked;
 use gltf::json::{Index, Node, Root};
+use std::borrow::Cow;
 
-pub(super) const FORMAT: &str = "GLB";
-/// Most bytes of JSON: each may become 200 times as many in memory.
+pub(super) const FORMAT: &str = "glTF";
+/// Most bytes of JSON, without the buffers in it: each may become 200 times as many in memory.
 const MAX_JSON: usize = 1_000_000;
+/// What every glTF file has.
+const ASSET: &[u8] = b"\"asset\"";
 /// Most primitives over all nodes: nodes may share a mesh.
 const MAX_PRIMITIVES: usize = 100_000;
 
+/// Whether this begins like GLB, or is JSON with what every glTF file has.
+pub(super) fn is_gltf(bytes: &[u8]) -> bool {
+    let is_json = || bytes.trim_ascii_start().starts_with(b"{");
+    is_glb(bytes) || is_json() && bytes.windows(ASSET.len()).any(|window| window == ASSET)
+}
+
+fn is_glb(bytes: &[u8]) -> bool {
+    bytes.starts_with(b"glTF")
+}
+
 /// Reads all triangles of the scene, each node's transform applied.
 pub(super) fn read(bytes: &[u8]) -> Result<Mesh, MeshError> {
-    let (json, buffer) = chunks(bytes)?;
+    let (at, json, chunk) = if is_glb(bytes) { chunks(bytes)? } else { (0, bytes, &[][..]) };
+    let (json, held) = data_uri::taken_out(json);
     check_count("bytes of JSON", json.len() as u64, MAX_JSON)?;
-    let root = Root::from_slice(json).map_err(|e| {
-        malformed(Place::Byte(20), "glTF 2 in JSON", excerpt(e.to_string().as_bytes()))
+    let root = Root::from_slice(&json).map_err(|e| {
+        malformed(Place::Byte(at), "glTF 2 in JSON", excerpt(e.to_string().as_bytes()))
     })?;
     let packed = ["KHR_draco_mesh_compression", "EXT_meshopt_compression"];
     if let Some(name) = root.extensions_required.iter().find(|name| packed.contains(&&name[..])) {
         return Err(unsupported(format!("compression ({name})")));
     }
-    let mut reader =
-        Reader { root: &root, buffer, draft: Draft::new(FORMAT, 0), num_primitives: 0 };
+    let buffers = buffers(&root, chunk, &held)?;
+    let draft = Draft::new(FORMAT, 0);
+    let mut reader = Reader { root: &root, buffers: &buffers, draft, num_primitives: 0 };
     reader.scene()?;
     reader.draft.finish()
 }
@@ -43,8 +58,29 @@ pub(super) fn unsupported(feature: String) -> MeshError {
     MeshError::Unsupported { format: FORMAT, feature }
 }
 
-/// The JSON chunk and the binary chunk.
-fn chunks(bytes: &[u8]) -> Result<(&[u8], &[u8]), MeshError> {
+/// The buffers in the order of the JSON: what a data URI holds, or the binary chunk; `None` is in another file.
+fn buffers<'a>(
+    root: &Root,
+    chunk: &'a [u8],
+    held: &[&[u8]],
+) -> Result<Vec<Option<Cow<'a, [u8]>>>, MeshError> {
+    let buffer = |(index, buffer): (usize, &gltf::json::Buffer)| {
+        let Some(uri) = &buffer.uri else { return Ok(Some(Cow::Borrowed(chunk))) };
+        let Some(held) =
+            uri.strip_prefix("data:").and_then(|at| held.get(at.parse::<usize>().ok()?))
+        else {
+            return Ok(None);
+        };
+        let place = Place::Entry("buffer", index);
+        let bytes = data_uri::bytes(held);
+        let bytes = bytes.ok_or_else(|| malformed(place, "bytes in base 64", excerpt(held)))?;
+        Ok(Some(Cow::Owned(bytes)))
+    };
+    root.buffers.iter().enumerate().map(buffer).collect()
+}
+
+/// Where the JSON chunk begins, that chunk and the binary one.
+fn chunks(bytes: &[u8]) -> Result<(usize, &[u8], &[u8]), MeshError> {
     let word = |at: usize| {
         let word = bytes.get(at..at + 4).and_then(|w| w.try_into().ok()).map(u32::from_le_bytes);
         word.ok_or_else(|| truncated(at as u64 + 4, bytes.len()))
@@ -73,7 +109,7 @@ fn chunks(bytes: &[u8]) -> Result<(&[u8], &[u8]), MeshError> {
         }
         at += 8 + data.len();
     }
-    Ok((chunks[0], chunks[1]))
+    Ok((20, chunks[0], chunks[1]))
 }
 
 fn truncated(expected: u64, found: usize) -> MeshError {
@@ -83,7 +119,7 @@ fn truncated(expected: u64, found: usize) -> MeshError {
 
 struct Reader<'a> {
     root: &'a Root,
-    buffer: &'a [u8],
+    buffers: &'a [Option<Cow<'a, [u8]>>],
     draft: Draft,
     num_primitives: u64,
 }
@@ -158,7 +194,7 @@ impl Reader<'_> {
         };
         let first = self.draft.num_vertices() as u32;
         let place = Place::Entry("accessor", positions.value());
-        let points = Column::new(root, self.buffer, positions, Type::Vec3)?;
+        let points = Column::new(root, self.buffers, positions, Type::Vec3)?;
         for row in 0..points.count {
             let [x, y, z] = [0, 1, 2].map(|axis| points.value(row, axis));
             let p = world_from_mesh.transform_point3(DVec3::new(x, y, z));
@@ -166,7 +202,7 @@ impl Reader<'_> {
         }
         let (corners, place) = match primitive.indices {
             Some(index) => (
-                Some(Column::new(root, self.buffer, index, Type::Scalar)?),
+                Some(Column::new(root, self.buffers, index, Type::Scalar)?),
                 Place::Entry("accessor", index.value()),
             ),
             None => (None, place),
@@ -295,6 +331,27 @@ mod tests {
             (r#""scene":0"#, r#""scene":}"#, "expected glTF 2 in JSON"),
         ] {
             let error = change(from, to).unwrap_err().to_string();
+            assert!(error.contains(wanted), "wanted {wanted}, got {error}");
+        }
+    }
+
+    #[test]
+    fn json_holds_its_buffers_itself() {
+        let text = String::from_utf8(samples::gltf(&samples::cube())).unwrap();
+        assert_eq!(read(text.as_bytes()), Ok(samples::cube()));
+        assert_eq!(read(text.replace('/', "\\/").as_bytes()), Ok(samples::cube()));
+        // A picture is not decoded, however large.
+        let picture =
+            format!(r#"{{"images":[{{"uri":"data:image/png;base64,{}"}}],"#, "A".repeat(MAX_JSON));
+        assert_eq!(read(text.replacen('{', &picture, 1).as_bytes()), Ok(samples::cube()));
+        for (from, to, wanted) in [
+            (";base64,", ";base64,#", "buffer 0: expected bytes in base 64"),
+            ("data:application/octet-stream;base64,", "cube.bin?", "in another file"),
+            (r#""buffer":0"#, r#""buffer":1"#, "expected values within the buffer"),
+            (r#""2.0""#, r#"2.0"#, "expected glTF 2 in JSON"),
+        ] {
+            assert!(text.contains(from), "{from}");
+            let error = read(text.replace(from, to).as_bytes()).unwrap_err().to_string();
             assert!(error.contains(wanted), "wanted {wanted}, got {error}");
         }
     }
