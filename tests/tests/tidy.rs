@@ -1,4 +1,4 @@
-//! Which crate may use which, and that the paths which the documents name exist.
+//! Which crate may use which, how much of the page is TypeScript, and that the paths which the documents name exist.
 
 #![allow(clippy::unwrap_used, reason = "a helper of a test fails by panicking too")]
 
@@ -156,6 +156,32 @@ fn versions_stand_in_one_place() {
             }
         }
     }
+}
+
+/// Lines of the files with this ending in a folder and below.
+fn lines(folder: &Path, ending: &str) -> usize {
+    let entries = folder.read_dir().unwrap_or_else(|e| panic!("{folder:?}: {e}"));
+    let count = |path: PathBuf| match path.is_dir() {
+        true => lines(&path, ending),
+        false if path.extension().is_some_and(|found| found == ending) => {
+            read_to_string(path).unwrap().lines().count()
+        }
+        false => 0,
+    };
+    entries.map(|entry| count(entry.unwrap().path())).sum()
+}
+
+/// TypeScript holds views and controls: what decides anything is in Rust, where it is tested without a browser.
+#[test]
+fn the_page_is_mostly_rust() {
+    let (_, below) = MAY_USE.iter().find(|(name, _)| *name == "wasm").unwrap();
+    let crates = below.iter().map(|name| root().join("crates").join(name).join("src"));
+    let rust: usize =
+        crates.chain([root().join("wasm/src")]).map(|folder| lines(&folder, "rs")).sum();
+    let script = lines(&root().join("web/src"), "ts");
+    let share = 100 * script / (script + rust);
+    println!("{script} lines of TypeScript, {rust} of Rust: {share} %");
+    assert!(script > 0 && share < 35, "{share} % of the page's lines are TypeScript");
 }
 
 /// Text between single backticks, outside fenced blocks.
