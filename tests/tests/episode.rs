@@ -43,7 +43,7 @@ fn an_episode_replays_to_its_own_hash_and_is_refused_elsewhere() {
     let message = refusal(read.clone(), &object.clone().with_friction(0.5));
     assert!(message.contains("another object"), "{message}");
     let unbounded = Episode { pose: [1e38, 0.0, 0.0], ..read.clone() };
-    assert!(refusal(unbounded, &object).contains("outside the workspace"));
+    assert!(refusal(unbounded, &object).contains("off the table"));
     let mut wild = read.clone();
     wild.targets[7][30] = 1e308;
     assert!(refusal(wild, &object).contains("row 7"));

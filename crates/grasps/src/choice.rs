@@ -13,12 +13,6 @@ const ONE_SIDED: f64 = 0.7;
 /// another.
 const LEAST_GAIN: f64 = 0.02;
 
-/// How far (m, by [`cluster::distance`]) the grasps of one kind are from those of another, at least: a policy takes kinds
-/// that are nearly the same for one another, and ends between them. With two from the side that were 4.5 cm apart it lifted
-/// the bleach bottle in 45 of 48 attempts that came nearest to the more frequent one, and in 2 of 8 that came nearest to the
-/// other (counted once, seeds 0 to 99).
-const APART: f64 = 0.08;
-
 /// A grasp and its other side, if there is one.
 #[derive(Clone, Debug)]
 struct Sides {
@@ -51,8 +45,7 @@ pub fn choose(
         grasps,
     };
     let all: Vec<Sides> = with_other_sides(object, found, shares).into_iter().map(sides).collect();
-    let palm = |i: usize| &found[i].grasp.object_from_palm;
-    let mut chosen = greatest(&all, count, |i, j| cluster::distance(palm(i), palm(j)) >= APART);
+    let mut chosen = greatest(&all, count);
     chosen.sort_by(|a, b| b.share.total_cmp(&a.share));
     let numbered = chosen.iter().enumerate();
     numbered
@@ -75,9 +68,9 @@ fn with_other_sides(object: &Object, found: &[Scored], shares: &[f64]) -> Vec<Ve
     lifting.iter().flat_map(of_one).collect()
 }
 
-/// One after another the sides that add the most, until `count` are chosen or little is added; no grasp twice, and none
-/// that is not apart from those chosen so far. What adds little beside those chosen after it makes room.
-fn greatest(all: &[Sides], count: usize, are_apart: impl Fn(usize, usize) -> bool) -> Vec<&Sides> {
+/// One after another the sides that add the most, until `count` are chosen or little is added; no grasp twice. What adds
+/// little beside those chosen after it makes room.
+fn greatest(all: &[Sides], count: usize) -> Vec<&Sides> {
     let at = |sides: &Sides, pose: usize| if sides.serves[pose] { sides.share } else { 0.0 };
     let least = |sides: &Sides| LEAST_GAIN * sides.serves.len() as f64;
     // What sides add to others, over the poses.
@@ -90,12 +83,7 @@ fn greatest(all: &[Sides], count: usize, are_apart: impl Fn(usize, usize) -> boo
     let mut left: Vec<&Sides> = all.iter().collect();
     let mut chosen: Vec<&Sides> = Vec::new();
     while chosen.len() < count {
-        let taken: Vec<usize> = chosen.iter().flat_map(|sides| &sides.grasps).copied().collect();
-        let is_apart = |sides: &Sides| {
-            sides.grasps.iter().all(|&i| taken.iter().all(|&other| are_apart(i, other)))
-        };
-        let worth = |sides: &&Sides| if is_apart(sides) { gain(sides, &chosen) } else { 0.0 };
-        let gains: Vec<f64> = left.iter().map(worth).collect();
+        let gains: Vec<f64> = left.iter().map(|sides| gain(sides, &chosen)).collect();
         let most = (0..left.len()).max_by(|&a, &b| gains[a].total_cmp(&gains[b]));
         let Some(most) = most.filter(|&most| gains[most] > least(left[most])) else { break };
         let new = left[most];
@@ -132,8 +120,7 @@ mod tests {
             sides(&[3], 0.8, [0, 0, 0, 0, 1, 0]),
         ];
         let chosen = |all: &[Sides], count| -> Vec<Vec<usize>> {
-            let chosen = greatest(all, count, |_, _| true);
-            chosen.into_iter().map(|sides| sides.grasps.clone()).collect()
+            greatest(all, count).into_iter().map(|sides| sides.grasps.clone()).collect()
         };
         assert_eq!(chosen(&all, 7), [vec![0, 1], vec![2]]);
         // Alone it serves as many poses, but from one side.
@@ -147,25 +134,6 @@ mod tests {
         ];
         assert_eq!(chosen(&three, 7), [vec![6, 7], vec![8, 9]]);
         assert!(chosen(&[], 7).is_empty());
-    }
-
-    #[test]
-    fn what_is_nearly_the_same_as_a_kind_is_none_itself() {
-        let sides = |grasp: usize, share: f64, serves: [bool; 4]| Sides {
-            grasps: vec![grasp],
-            share,
-            serves: serves.to_vec(),
-        };
-        let all = [
-            sides(0, 0.95, [true, true, false, false]),
-            sides(1, 0.9, [false, false, true, true]),
-            sides(2, 0.5, [false, false, true, false]),
-        ];
-        let chosen = |are_apart: fn(usize, usize) -> bool| -> Vec<usize> {
-            greatest(&all, 7, are_apart).into_iter().map(|sides| sides.grasps[0]).collect()
-        };
-        assert_eq!(chosen(|_, _| true), [0, 1]);
-        assert_eq!(chosen(|i, j| i + j != 1), [0, 2]);
     }
 
     #[test]

@@ -41,9 +41,7 @@ impl Demonstration {
         }
         check_states(workcell, &states, FASTEST)?;
         let [x, y, yaw] = self.pose;
-        let workspace = &workcell.robot.config.workspace;
-        let is_within = |value: f32, [least, most]: [f32; 2]| (least..=most).contains(&value);
-        if !(is_within(x, workspace.x) && is_within(y, workspace.y) && yaw.is_finite()) {
+        if !(workcell.robot.config.table.contains([x, y]) && yaw.is_finite()) {
             return Err(RolloutError::OffTheTable);
         }
         let controller = Controller::Demonstration(states);
@@ -110,6 +108,6 @@ mod tests {
         assert!(error(&|f| f.states.clear()).contains("no states"));
         assert!(error(&|f| f.states[7][3] = 1e308).contains("row 7"));
         assert!(error(&|f| f.states[2][30] = f64::NAN).contains("row 2"));
-        assert!(error(&|f| f.pose[0] = f32::INFINITY).contains("workspace"));
+        assert!(error(&|f| f.pose[0] = f32::INFINITY).contains("table"));
     }
 }

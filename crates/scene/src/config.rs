@@ -52,14 +52,29 @@ pub struct Table {
     pub friction: f32,
 }
 
+impl Table {
+    /// Whether a point of its top (m) lies within its edges.
+    pub fn contains(&self, [x, y]: [f32; 2]) -> bool {
+        (x - self.center[0]).abs() <= self.half[0] && (y - self.center[1]).abs() <= self.half[1]
+    }
+}
+
 /// Rectangle of the table on which objects are placed (m).
-#[derive(Clone, Debug, serde::Deserialize)]
+#[derive(Clone, Copy, Debug, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Workspace {
     /// Least and greatest x.
     pub x: [f32; 2],
     /// Least and greatest y.
     pub y: [f32; 2],
+}
+
+impl Workspace {
+    /// Whether a point of the table (m) lies in it.
+    pub fn contains(&self, [x, y]: [f32; 2]) -> bool {
+        let is_within = |value: f32, [least, most]: [f32; 2]| (least..=most).contains(&value);
+        is_within(x, self.x) && is_within(y, self.y)
+    }
 }
 
 /// A pinhole depth camera.
