@@ -53,6 +53,13 @@ async function made(kind, params, name) {
 const long = (params = {}, name = null) =>
   api("jobs", { kind: "policy.evaluate", params: { model_id: "planner", object: "sugar_box", attempts: 10_000, ...params }, name });
 
+async function until(holds) {
+  for (const end = Date.now() + PATIENCE; !holds(); ) {
+    assert.ok(Date.now() < end, `it never holds: ${holds}`);
+    await new Promise((resolve) => setTimeout(resolve, 50));
+  }
+}
+
 async function stop(id) {
   await api(`jobs/${id}/cancel`, {});
   return over(id);
@@ -295,6 +302,28 @@ test("an answer that was lost is asked for again", async () => {
   await stop(id);
   await stands(page, "cancelled");
   assert.ok(asked > 2, String(asked));
+  await page.close();
+});
+
+test("an answer that was overtaken does not stay", async () => {
+  const { id } = await long();
+  const { page } = await visitJobs(`#jobs/${id}`);
+  await stands(page, "running");
+  let [asked, late] = [0, null];
+  await page.route(`**/api/v1/jobs/${id}`, async (route) => {
+    asked += 1;
+    if (asked > 1) return route.continue();
+    const answer = await route.fetch();
+    late = () => route.fulfill({ response: answer });
+  });
+  await api(`jobs/${id}/pause`, {});
+  await until(() => late);
+  await stop(id);
+  await stands(page, "cancelled");
+  const before = asked;
+  await late();
+  await until(() => asked > before);
+  await stands(page, "cancelled");
   await page.close();
 });
 
