@@ -18,11 +18,13 @@ export const PATIENCE = 120_000;
 export const WIDE = { width: 1440, height: 900 };
 export const PHONE = { width: 390, height: 844 };
 
-// Begins a server on a port, 0 being a free one; with a folder for data it does jobs.
-export async function serve({ port = 0, data = null } = {}) {
+// Begins a server on a port, 0 being a free one; with a folder for data it does jobs, with a file of a token for those
+// who have it.
+export async function serve({ port = 0, data = null, tokenFile = null } = {}) {
   const args = ["serve", "--port", String(port), "--web", `${root}web/dist`, "--models", `${root}models`];
   // A test may ask as fast as it can.
   if (data) args.push("--data", data, "--rate", "10000");
+  if (tokenFile) args.push("--token-file", tokenFile);
   const server = spawn(program, args, { env: { ...process.env, NGF_LOG: "warn" }, stdio: ["ignore", "pipe", "inherit"] });
   const address = await new Promise((resolve, reject) => {
     server.once("error", reject);

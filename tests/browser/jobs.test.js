@@ -1,7 +1,7 @@
 // The jobs page: from a form to a policy that is tried in the demo, with a server that comes and goes.
 
 import assert from "node:assert/strict";
-import { mkdtempSync, rmSync } from "node:fs";
+import { mkdtempSync, rmSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
@@ -324,6 +324,47 @@ test("an answer that was overtaken does not stay", async () => {
   await late();
   await until(() => asked > before);
   await stands(page, "cancelled");
+  await page.close();
+});
+
+test("a comparison says which of its jobs is gone", async () => {
+  const ids = [];
+  for (const name of ["the one that stays", "the one that goes"]) {
+    ids.push((await long({}, name)).id);
+    await stop(ids.at(-1));
+  }
+  await fetch(`${served.address}/api/v1/jobs/${ids[1]}`, { method: "DELETE" });
+  const { page } = await visitJobs(`#compare/${ids.join(",")}`);
+  await page.waitForSelector("#detail .legend:has-text('the one that stays')");
+  assert.match(await page.textContent("#detail .failure"), new RegExp(ids[1]));
+  assert.equal(await page.locator("#detail .legend li").count(), 1);
+  await page.close();
+});
+
+test("a server with a token asks for it, and takes no other", async (t) => {
+  const [token, tokenFile] = ["open-sesame-open-sesame", join(folder, "token")];
+  writeFileSync(tokenFile, token);
+  const { address, server } = await serve({ data: join(folder, "guarded"), tokenFile });
+  t.after(() => server.kill());
+  const { page } = await blank({ address, browser: served.browser });
+  await page.goto(`${address}/jobs/`);
+  // What a job takes is asked of the server, too.
+  await page.click("text=New job");
+  await page.waitForSelector("dialog:has-text('asks for its token')");
+  await page.keyboard.press("Escape");
+  await page.waitForSelector(".new-job .failure:has-text('Ask whoever runs the server')");
+  await page.click("button:has-text('Begin')");
+  await page.waitForSelector("dialog:has-text('asks for its token')");
+  await page.fill("dialog input", "open-says-me-open-says-me");
+  await page.keyboard.press("Enter");
+  await page.waitForSelector("dialog:has-text('not the server')");
+  await page.fill("dialog input", token);
+  await page.keyboard.press("Enter");
+  await page.waitForSelector(".detail-job .chip");
+  // It is known from now on.
+  await page.click(".detail-job button:has-text('Stop')");
+  await stands(page, "cancelled");
+  assert.equal(await page.locator("dialog[open]").count(), 0);
   await page.close();
 });
 
