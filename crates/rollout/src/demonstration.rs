@@ -52,12 +52,9 @@ impl Demonstration {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::samples;
     use crate::{Phase, Verdict};
     use grasps::Setting;
-    use grasps::built_in::built_in;
-    use grasps::demonstration::{self, TrajectoryConfig};
-    use rand::SeedableRng;
-    use rand_chacha::ChaCha8Rng;
 
     #[test]
     fn a_demonstration_is_played_to_its_verdict_and_a_foreign_one_is_not() {
@@ -67,14 +64,7 @@ mod tests {
         let pose = [0.6, 0.05, 0.4];
         let place = robot.config.upright(pose[0], pose[1], pose[2]);
         let setting = Setting::new(robot, &object, &place);
-        let grasps = built_in("sugar_box").unwrap().grasps;
-        let (_, posture) = setting.options(&grasps).next().expect("a grasp");
-        let palm = robot.tree.kinematics(&posture.touch).palm();
-        let (region, bounds) = (&robot.config.target, &object.bounds);
-        let mut rng = ChaCha8Rng::seed_from_u64(1);
-        let target = demonstration::draw_target(region, bounds, &place, &palm, &mut rng);
-        let config = TrajectoryConfig::standard();
-        let found = demonstration::demonstrate(&setting, &posture, &target, &config).unwrap();
+        let found = samples::demonstration(&setting);
         let row = |state: &JointState| state.q.iter().chain(state.qd.iter()).copied().collect();
         let file = Demonstration {
             demonstration: "one".into(),

@@ -14,6 +14,8 @@ pub mod library;
 pub mod motion;
 mod onlooker;
 pub mod phases;
+#[cfg(test)]
+mod samples;
 pub mod tape;
 pub mod verdict;
 pub mod workcell;

@@ -53,12 +53,9 @@ pub(crate) fn clearance(setting: &Setting, states: &[JointState]) -> Option<f32>
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::samples;
     use geometry::object::Object;
     use grasps::Robot;
-    use grasps::built_in::built_in;
-    use grasps::demonstration::{self, TrajectoryConfig};
-    use rand::SeedableRng;
-    use rand_chacha::ChaCha8Rng;
     use robot::{DOF, JointVector, integrator};
 
     #[test]
@@ -67,14 +64,7 @@ mod tests {
         let object = Object::built_in("sugar_box").unwrap();
         let place = robot.config.upright(0.6, 0.0, 0.0);
         let setting = Setting::new(&robot, &object, &place);
-        let grasps = built_in("sugar_box").unwrap().grasps;
-        let (_, posture) = setting.options(&grasps).next().expect("a grasp");
-        let palm = robot.tree.kinematics(&posture.touch).palm();
-        let (region, bounds) = (&robot.config.target, &object.bounds);
-        let mut rng = ChaCha8Rng::seed_from_u64(1);
-        let target = demonstration::draw_target(region, bounds, &place, &palm, &mut rng);
-        let config = TrajectoryConfig::standard();
-        let motion = demonstration::demonstrate(&setting, &posture, &target, &config).unwrap();
+        let motion = samples::demonstration(&setting);
         let states = &motion.states;
         let gap = |tick: usize| setting.clearance(&states[tick].q, FARTHEST);
         let touch = (0..states.len()).find(|tick| gap(*tick) <= 0.0).expect("the hand closes");

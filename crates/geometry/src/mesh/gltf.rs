@@ -58,14 +58,17 @@ pub(super) fn unsupported(feature: String) -> MeshError {
     MeshError::Unsupported { format: FORMAT, feature }
 }
 
-/// The buffers in the order of the JSON: what a data URI holds, or the binary chunk; `None` is in another file.
+/// The buffers in the order of the JSON: what a data URI holds, or, of the first one, the binary chunk; `None` is in
+/// another file.
 fn buffers<'a>(
     root: &Root,
     chunk: &'a [u8],
     held: &[&[u8]],
 ) -> Result<Vec<Option<Cow<'a, [u8]>>>, MeshError> {
     let buffer = |(index, buffer): (usize, &gltf::json::Buffer)| {
-        let Some(uri) = &buffer.uri else { return Ok(Some(Cow::Borrowed(chunk))) };
+        let Some(uri) = &buffer.uri else {
+            return Ok(Some(Cow::Borrowed(if index == 0 { chunk } else { &[] })));
+        };
         let Some(held) =
             uri.strip_prefix("data:").and_then(|at| held.get(at.parse::<usize>().ok()?))
         else {
@@ -320,6 +323,11 @@ mod tests {
                 r#"{"byteLength""#,
                 r#"{"uri":"cube.bin","byteLength""#,
                 "in another file (\"cube.bin\")",
+            ),
+            (
+                r#""buffers":["#,
+                r#""buffers":[{"uri":"data:;base64,","byteLength":0},"#,
+                "expected values within the buffer",
             ),
             (r#""nodes":[0]"#, r#""nodes":[9]"#, "node 9: expected an existing node"),
             (r#""mesh":0"#, r#""mesh":9"#, "mesh 9: expected an existing mesh"),
