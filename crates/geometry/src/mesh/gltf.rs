@@ -325,8 +325,8 @@ mod tests {
                 "in another file (\"cube.bin\")",
             ),
             (
-                r#""buffers":["#,
-                r#""buffers":[{"uri":"data:;base64,","byteLength":0},"#,
+                r#"{"byteLength":240}],"bufferViews":[{"buffer":0"#,
+                r#"{"byteLength":240},{"byteLength":240}],"bufferViews":[{"buffer":1"#,
                 "expected values within the buffer",
             ),
             (r#""nodes":[0]"#, r#""nodes":[9]"#, "node 9: expected an existing node"),
