@@ -120,9 +120,25 @@ test("a training is watched, stopped, gone on with, compared, and tried in the d
     page.context().waitForEvent("page"),
     page.click("a:has-text('Try in demo')"),
   ]);
+  const acts = () => demo.textContent("#model");
   await demo.waitForFunction(() => /Policy "mdl_\w+" acts/.test(document.getElementById("model").textContent));
-  await demo.close();
   await screenshot(page, "jobs-training");
+  // What it has learned since acts next, until another policy is chosen.
+  const first = await acts();
+  await demo.bringToFront();
+  await demo.waitForSelector("#training-words:has-text('acts, the newest so far')");
+  await demo.waitForFunction((first) => document.getElementById("model").textContent !== first, first);
+  assert.match(await acts(), /Policy "mdl_\w+" acts/);
+  await demo.locator("#training").scrollIntoViewIfNeeded();
+  await screenshot(demo, "demo-training");
+  await demo.selectOption("#policy", "default");
+  await demo.waitForFunction(() => document.getElementById("model").textContent === 'Policy "default" acts.');
+  assert.equal(await demo.isChecked("#training-follow"), false);
+  const newest = await demo.textContent("#training-words");
+  await demo.waitForFunction((newest) => document.getElementById("training-words").textContent !== newest, newest);
+  await demo.waitForTimeout(4000);
+  assert.equal(await acts(), 'Policy "default" acts.');
+  await demo.close();
   await page.click("button:has-text('Pause')");
   await stands(page, "paused");
   await page.click("button:has-text('Resume')");
@@ -348,8 +364,13 @@ test("a server with a token asks for it, and takes no other", async (t) => {
   t.after(() => server.kill());
   const { page } = await blank({ address, browser: served.browser });
   await page.goto(`${address}/jobs/`);
-  // What a job takes is asked of the server, too.
+  // What a job takes is asked of the server, too; that alone asks nobody for a token.
   await page.click("text=New job");
+  await page.waitForSelector(".estimate:has-text('asks for its token when you begin')");
+  assert.equal(await page.locator("dialog[open], .new-job .failure").count(), 0);
+  await page.click("button:has-text('Copy as curl')");
+  await page.waitForSelector(".new-job .command:has-text('$TOKEN')");
+  await page.click("button:has-text('Begin')");
   await page.waitForSelector("dialog:has-text('asks for its token')");
   await page.keyboard.press("Escape");
   await page.waitForSelector(".new-job .failure:has-text('Ask whoever runs the server')");

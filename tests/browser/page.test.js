@@ -174,6 +174,50 @@ test("the object is dragged over the table", async () => {
   await page.close();
 });
 
+// Runs in the page: over how much of the view (points of a grid) the object can be grabbed.
+function sizeOfObject() {
+  const canvas = document.getElementById("view");
+  const { width, height } = canvas.getBoundingClientRect();
+  let size = 0;
+  for (let y = 0; y < height; y += 8) {
+    for (let x = 0; x < width; x += 8) {
+      canvas.dispatchEvent(new PointerEvent("pointermove", { clientX: x, clientY: y, pointerType: "mouse" }));
+      if (canvas.style.cursor === "grab") size += 1;
+    }
+  }
+  return size;
+}
+
+test("one finger moves the object, two come nearer and leave it where it is", async () => {
+  const { page, complaints } = await visit(served, { viewport: PHONE });
+  await untilReady(page);
+  const session = await page.context().newCDPSession(page);
+  const touch = (type, ...points) =>
+    session.send("Input.dispatchTouchEvent", { type, touchPoints: points.map(([x, y], id) => ({ x, y, id })) });
+  const pose = () => page.$$eval("#pose-x, #pose-y, #pose-yaw", (inputs) => inputs.map(({ value }) => value).join());
+  const [x, y] = await page.evaluate(findObject);
+  const [before, size] = [await pose(), await page.evaluate(sizeOfObject)];
+
+  // The first finger of a hand lands on the object and trembles before the second comes.
+  await touch("touchStart", [x, y]);
+  await touch("touchMove", [x + 4, y + 2]);
+  await touch("touchStart", [x + 4, y + 2], [x + 40, y + 40]);
+  for (let k = 1; k <= 6; k += 1) await touch("touchMove", [x + 4 - 8 * k, y + 2 - 8 * k], [x + 40 + 8 * k, y + 40 + 8 * k]);
+  await touch("touchEnd");
+  await page.waitForTimeout(300);
+  const nearer = await page.evaluate(sizeOfObject);
+  assert.ok(nearer > 1.3 * size, `${nearer} points after ${size}`);
+  assert.equal(await pose(), before);
+
+  const [at, height] = await page.evaluate(findObject);
+  await touch("touchStart", [at, height]);
+  for (let k = 1; k <= 6; k += 1) await touch("touchMove", [at + 8 * k, height]);
+  await touch("touchEnd");
+  await page.waitForFunction((y) => document.getElementById("pose-y").value !== y, before.split(",")[1]);
+  assert.deepEqual(complaints, []);
+  await page.close();
+});
+
 test("graphics that are taken away come back", async () => {
   const { page } = await visit(served);
   await page.evaluate(() => {

@@ -10,6 +10,8 @@ import { blank, launch, root, untilReady } from "./chromium.js";
 const TYPES = { ".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".wasm": "application/wasm", ".json": "application/json" };
 const FOLDER = "/some/folder";
 
+// What is not there is answered with the page, as hosts of single-page applications do.
+let answersAll = false;
 let server;
 let browser;
 let address;
@@ -18,7 +20,10 @@ before(async () => {
     const path = new URL(url, "http://host").pathname;
     let file = join(`${root}web/dist`, path.slice(FOLDER.length));
     if (path.startsWith(FOLDER) && existsSync(file) && statSync(file).isDirectory()) file = join(file, "index.html");
-    if (!path.startsWith(FOLDER) || !existsSync(file)) return answer.writeHead(404).end("not here");
+    if (!path.startsWith(FOLDER) || !existsSync(file)) {
+      if (!answersAll) return answer.writeHead(404).end("not here");
+      file = join(`${root}web/dist`, "index.html");
+    }
     answer.writeHead(200, { "Content-Type": TYPES[extname(file)] ?? "application/octet-stream" });
     createReadStream(file).pipe(answer);
   });
@@ -41,6 +46,24 @@ test("the demo runs, and the other pages say what to start", async () => {
   await page.waitForSelector("[data-phase=verdict].is-now");
   // Whether there is a server can only be found out by asking.
   assert.ok(complaints.length <= 1 && complaints.every((text) => text.includes("404")), complaints.join());
+  for (const path of ["jobs/", "docs/"]) {
+    await page.goto(address + path);
+    const card = await page.waitForSelector(".failure");
+    assert.match(await card.textContent(), /Start one with .ngf serve --data DIR/, path);
+  }
+  await page.close();
+});
+
+test("a host that answers everything with a page is no server of jobs", async (t) => {
+  answersAll = true;
+  t.after(() => (answersAll = false));
+  const { page, complaints } = await blank({ address, browser });
+  await page.goto(address);
+  await untilReady(page);
+  assert.equal(await page.textContent("#model"), 'Policy "default" acts.');
+  await page.focus("#policy");
+  await page.waitForSelector("#policy option[value=mlp-pcd]", { state: "attached" });
+  assert.deepEqual(complaints, []);
   for (const path of ["jobs/", "docs/"]) {
     await page.goto(address + path);
     const card = await page.waitForSelector(".failure");

@@ -75,17 +75,19 @@ pub(crate) async fn model(
     Ok(Some(ModelFiles { weights, starts, config }))
 }
 
-/// The models that there are: of the server, or, where only files are served, those that lie beside the page. A list,
-/// because asking for a model that is not there would show as an error in the console.
+/// The models that there are: of the server, or, where only files are served, those that lie beside the page; such a
+/// host may answer what it does not know with a page. A list, because asking for a model that is not there would show
+/// as an error in the console.
 async fn list(base: &str) -> Result<List, Failure> {
-    let answer = match get(&format!("{base}api/v1/models")).await {
-        Ok(answer) => answer,
-        Err(of_server) => match get(&format!("{base}models/index.json")).await {
-            Ok(answer) => answer,
-            Err(_) => return Err(of_server),
-        },
-    };
-    let text = JsFuture::from(answer.text().map_err(|e| lost(&e))?).await.map_err(|e| lost(&e))?;
+    match list_at(&format!("{base}api/v1/models")).await {
+        Ok(list) => Ok(list),
+        Err(of_server) => list_at(&format!("{base}models/index.json")).await.map_err(|_| of_server),
+    }
+}
+
+async fn list_at(url: &str) -> Result<List, Failure> {
+    let text = get(url).await?.text().map_err(|e| lost(&e))?;
+    let text = patiently(text).await?;
     serde_json::from_str(&text.as_string().unwrap_or_default())
         .map_err(|error| failed(&format!("the list of models is not understood: {error}")))
 }

@@ -240,7 +240,7 @@ pub(crate) struct Report {
     /// Sides that hold it, and how it stands.
     pub(crate) sides: usize,
     pub(crate) stands: Option<Stands>,
-    /// Whether the hand gets round it.
+    /// Whether the hand gets round it, and hold of it.
     pub(crate) fits: String,
     pub(crate) notes: Vec<String>,
 }

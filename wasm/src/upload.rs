@@ -29,6 +29,9 @@ const MOST_RESTS: usize = 6;
 const WIDTHS: usize = 90;
 /// A little more than the softball (9.7 cm), the widest object that grasps of the search lift by going round it (m).
 const SPAN: f32 = 0.10;
+/// Between the hammer (3.0 cm), of which the search found nothing to lift, and the screwdriver (3.8 cm), the lowest of
+/// all others (m).
+const LOW: f32 = 0.035;
 /// Corners of a hull that is drawn; its part may have fewer.
 const HULL_POINTS: usize = 256;
 
@@ -162,7 +165,7 @@ fn report_of(object: &Object, watertight: bool) -> Report {
     }
 }
 
-/// Whether the hand gets round it: its narrowest width seen from above.
+/// Whether the hand gets round it, by its narrowest width seen from above, and hold of it, by its height.
 fn fits(mesh: &Mesh) -> String {
     let width = |k: usize| {
         let angle = std::f64::consts::PI * k as f64 / WIDTHS as f64;
@@ -173,9 +176,16 @@ fn fits(mesh: &Mesh) -> String {
         high - low
     };
     let narrowest = (0..WIDTHS).map(width).fold(f32::MAX, f32::min);
-    let words =
-        if narrowest > SPAN { "wider than the hand opens" } else { "the hand gets round it" };
-    format!("{:.1} cm across at its narrowest: {words}", 100.0 * narrowest)
+    let words = match narrowest > SPAN {
+        true => "wider than the hand opens, only a rim or an edge could be held",
+        false => "the hand gets round it",
+    };
+    let height = mesh.vertices.iter().map(|v| v.z).fold(0.0, f32::max);
+    let mut said = format!("{:.1} cm across at its narrowest: {words}", 100.0 * narrowest);
+    if height < LOW {
+        said += &format!("; {:.1} cm high: too low for the fingers to get hold of", 100.0 * height);
+    }
+    said
 }
 
 /// What was repaired or assumed, as far as it changes what one sees or grasps.
@@ -283,12 +293,27 @@ mod tests {
         let loaded = read("box.obj", BOX.as_bytes(), told).unwrap();
         assert!((loaded.report.extent_cm[2] - 4.0).abs() < 1e-3, "{:?}", loaded.report.extent_cm);
         assert_eq!(loaded.object.mass, 0.25);
-        assert!(loaded.report.fits.starts_with("6.0 cm across"), "{}", loaded.report.fits);
+        assert_eq!(loaded.report.fits, "6.0 cm across at its narrowest: the hand gets round it");
         // On its edge it does not stand.
         let tilted = BOX.replace("v 40 60 0", "v 40 60 90").replace("v 40 0 0", "v 40 0 90");
         let loaded = read("wedge.obj", tilted.as_bytes(), Told::default()).unwrap();
         assert_eq!(loaded.report.stands, Some(Stands::On(0)));
         assert!(loaded.report.notes.iter().any(|note| note.contains("fall over")));
+    }
+
+    #[test]
+    fn what_is_too_wide_or_too_low_is_told() {
+        let fits = |height: &str, unit| {
+            let told = Told { unit: Some(unit), stands: Some(Stands::AsInFile), ..Told::default() };
+            read("box.obj", BOX.replace("120", height).as_bytes(), told).unwrap().report.fits
+        };
+        assert!(
+            fits("30", Unit::Millimetre)
+                .ends_with("3.0 cm high: too low for the fingers to get hold of")
+        );
+        assert!(fits("38", Unit::Millimetre).ends_with("gets round it"));
+        let wide = fits("12", Unit::Centimetre);
+        assert!(wide.contains("only a rim or an edge") && !wide.contains("too low"), "{wide}");
     }
 
     #[test]

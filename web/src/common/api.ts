@@ -32,29 +32,32 @@ export interface List<T> {
 
 const KEY = "ngf-token";
 
-// Whether this tab was asked for the server's token.
-export function hasToken(): boolean {
-  return sessionStorage.getItem(KEY) !== null;
+let wasRefused = false;
+
+// Whether the server wants its token, as far as this tab knows.
+export function isTokenWanted(): boolean {
+  return wasRefused || sessionStorage.getItem(KEY) !== null;
+}
+
+export interface Manner {
+  headers?: HeadersInit;
+  signal?: AbortSignal;
+  // A server that wants its token refuses; nobody is asked for it.
+  isQuiet?: boolean;
 }
 
 // Asks for something; paths are relative to /api/v1/.
-export async function ask<T>(path: string, method = "GET", body?: unknown, signal?: AbortSignal): Promise<T> {
-  const answer = await send(path, method, body, {}, signal);
+export async function ask<T>(path: string, method = "GET", body?: unknown, manner: Manner = {}): Promise<T> {
+  const answer = await send(path, method, body, manner);
   if (answer.status === 204) return undefined as T;
   if (answer.headers.get("content-type")?.includes("json")) return (await answer.json()) as T;
   throw new Refused(noServer(NO_SERVER.otherAnswers(answer.url)));
 }
 
 // The same, for what is not JSON.
-export async function send(
-  path: string,
-  method = "GET",
-  body?: unknown,
-  more: HeadersInit = {},
-  signal?: AbortSignal,
-): Promise<Response> {
+export async function send(path: string, method = "GET", body?: unknown, manner: Manner = {}): Promise<Response> {
   const token = sessionStorage.getItem(KEY);
-  const headers = new Headers(more);
+  const headers = new Headers(manner.headers);
   if (token) headers.set("Authorization", `Bearer ${token}`);
   const isRaw = body instanceof Blob;
   if (body !== undefined && !isRaw) headers.set("Content-Type", "application/json");
@@ -63,13 +66,14 @@ export async function send(
   try {
     // What is deleted as the page is left is deleted all the same.
     const keepalive = method === "DELETE";
-    answer = await fetch(new URL(path, API), { method, headers, body: sent, signal: signal ?? null, keepalive });
+    answer = await fetch(new URL(path, API), { method, headers, body: sent, signal: manner.signal ?? null, keepalive });
   } catch (error) {
     throw new Refused(noServer(String(error)));
   }
-  if (answer.status === 401) {
+  wasRefused ||= answer.status === 401;
+  if (answer.status === 401 && !manner.isQuiet) {
     await askForToken(token !== null);
-    return send(path, method, body, more, signal);
+    return send(path, method, body, manner);
   }
   if (answer.ok) return answer;
   if (answer.headers.get("content-type")?.includes("problem+json")) {

@@ -1,14 +1,14 @@
 // What stands around a request in a shell: the place of the token, and what is told of a command that is copied.
 
-import { hasToken } from "./api";
+import { isTokenWanted } from "./api";
 import { copied } from "./dom";
 import { COMMAND } from "./strings";
 
-// Of a request that changes something, where the page knows that the server wants its token: it was asked for it, or it
-// came from another machine, from which nothing is changed without.
+// Of a request that changes something, where the page knows that the server wants its token: it was refused without, or
+// it came from another machine, from which nothing is changed without.
 export function tokenHeader(): string {
   const isHere = /^(localhost|127\.[\d.]+|\[::1\])$/.test(location.hostname);
-  return isHere && !hasToken() ? "" : ' -H "Authorization: Bearer $TOKEN"';
+  return isHere && !isTokenWanted() ? "" : ' -H "Authorization: Bearer $TOKEN"';
 }
 
 // Copies the command that an element shows, or has it selected; gives what to say of it.

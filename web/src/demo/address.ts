@@ -1,10 +1,13 @@
-// What the address of the page asks for: ?model=ID, and ?mesh=ID or ?episode=DATASET/INDEX, or a link's.
+// What the address of the page asks for: ?model=ID, with &training=JOB where that goes on, and ?mesh=ID or
+// ?episode=DATASET/INDEX, or a link's.
 
 import { answered } from "../common/strings";
 import type { Shared } from "./share";
 
 export interface Asked {
   model: string;
+  // The job that trains the model, if what it learns is to act, too.
+  training: string | null;
   // Whether it asks for one of these.
   brings: boolean;
   // Whether that is a demonstration, which plays by itself.
@@ -18,6 +21,7 @@ export function askedFor(shared: Shared | null, search = location.search): Asked
   const [mesh, episode] = [query.get("mesh") ?? shared?.mesh ?? null, query.get("episode")];
   return {
     model: shared?.model ?? query.get("model") ?? "default",
+    training: (!shared && query.get("training")) || null,
     brings: mesh !== null || episode !== null,
     plays: mesh === null && episode !== null,
     fetchFile: async () => {

@@ -12,6 +12,7 @@ import { BatchPanel } from "./panel/batch";
 import { Failures } from "./panel/failures";
 import { InsidePanel } from "./panel/inside";
 import { onKeys } from "./panel/keys";
+import { LayerSwitches } from "./panel/layers";
 import { ObjectPicker } from "./panel/objects";
 import { Playback } from "./panel/playback";
 import { PolicyPicker } from "./panel/policy";
@@ -26,8 +27,9 @@ import { save } from "./save";
 import { type Shared, sharedIn } from "./share";
 import { Situation } from "./situation";
 import { ATTEMPT, FAILURES, FILES, LINK } from "./strings";
+import { Training } from "./training";
 import type { Preset } from "./view/camera";
-import { type Layer, View, type ViewEvents } from "./view/view";
+import { View, type ViewEvents } from "./view/view";
 
 // The file whose bytes are awaited.
 let awaited: File | null = null;
@@ -85,7 +87,7 @@ const comparison = new Comparison({
   now: () => [...situation.now(), ...situation.coming()],
   picture: () => {
     const picture = makeView("view-2", { place: () => {}, pull: () => {}, graphics: () => {}, moved: () => {} });
-    for (const [layer, { checked }] of switches()) picture?.setLayer(layer, checked);
+    layers.apply((layer, on) => picture?.setLayer(layer, on));
     return picture;
   },
   attempted: (row) => batch.add(row, 1),
@@ -96,6 +98,7 @@ const policy = new PolicyPicker(asked.model, (id) => {
   opening.stop();
   use(id);
 });
+const training = asked.training === null ? null : follow(asked.training);
 const search = new SearchPanel({
   now: () => situation.now(),
   seed: () => attempt.seed,
@@ -151,23 +154,10 @@ element("progress-stop", HTMLButtonElement).addEventListener("click", () => {
 element("check-open", HTMLButtonElement).addEventListener("click", showCheck);
 if (new URLSearchParams(location.search).has("check")) showCheck();
 const pressCamera = choice("cameras", look);
-const layers: Record<Layer, HTMLInputElement> = {
-  cloud: element("layer-cloud", HTMLInputElement),
-  reconstruction: element("layer-reconstruction", HTMLInputElement),
-  hulls: element("layer-hulls", HTMLInputElement),
-  forces: element("layer-forces", HTMLInputElement),
-  trail: element("layer-trail", HTMLInputElement),
-  target: element("layer-target", HTMLInputElement),
-  limits: element("layer-limits", HTMLInputElement),
-  sensor: element("layer-sensor", HTMLInputElement),
-};
-const switches = () => Object.entries(layers) as [Layer, HTMLInputElement][];
-for (const [layer, input] of switches()) {
-  input.addEventListener("change", () => {
-    view?.setLayer(layer, input.checked);
-    comparison.setLayer(layer, input.checked);
-  });
-}
+const layers = new LayerSwitches((layer, on) => {
+  view?.setLayer(layer, on);
+  comparison.setLayer(layer, on);
+});
 const help = element("help", HTMLDialogElement);
 element("help-open", HTMLButtonElement).addEventListener("click", () => help.showModal());
 
@@ -181,14 +171,14 @@ onKeys(
     l: () => void share.copy(),
     i: () => element("inside", HTMLDetailsElement).querySelector("summary")?.click(),
     Backspace: () => playback.reset(),
-    c: () => layers.cloud.click(),
-    m: () => layers.reconstruction.click(),
-    h: () => layers.hulls.click(),
-    f: () => layers.forces.click(),
-    t: () => layers.trail.click(),
-    j: () => layers.target.click(),
-    k: () => layers.limits.click(),
-    s: () => layers.sensor.click(),
+    c: () => layers.press("cloud"),
+    m: () => layers.press("reconstruction"),
+    h: () => layers.press("hulls"),
+    f: () => layers.press("forces"),
+    t: () => layers.press("trail"),
+    j: () => layers.press("target"),
+    k: () => layers.press("limits"),
+    s: () => layers.press("sensor"),
     "1": () => look("front"),
     "2": () => look("side"),
     "3": () => look("top"),
@@ -230,6 +220,7 @@ function receive(message: FromWorker): void {
       view?.showFrame(message);
       pose.show(message);
       attempt.showFrame(message);
+      training?.showFrame(message);
       playback.show(message);
       inside.show(message);
       share.show(message);
@@ -300,6 +291,7 @@ async function showModel(model: Model): Promise<void> {
   share.hasModel(model);
   comparison.name(model.id);
   policy.show(model.id);
+  training?.hasModel(model);
   opening.hasModel();
   const isFirst = isFirstModel;
   isFirstModel = false;
@@ -349,6 +341,12 @@ function use(model: string): void {
   wanted = model;
   failures.close(NOT_FETCHED);
   engine.greet(useModel(model));
+}
+
+function follow(job: string): Training {
+  // The attempt begins again by itself, unless motion is unwelcome.
+  const grasp = () => void (isCalm || attempt.grasp());
+  return new Training(job, { isFree: () => !batch.isRunning, use, grasp });
 }
 
 function load(object: string): void {

@@ -109,7 +109,7 @@ export interface Report {
   // Sides that hold it, and how it stands; only for uploads.
   sides: number;
   stands: Stands | null;
-  // Whether the hand gets round it.
+  // Whether the hand gets round it, and hold of it.
   fits: string;
   notes: string[];
 }

@@ -68,6 +68,12 @@ export const COMPARISON = {
   givenUp: "The comparison is closed; the attempt goes on. Choose the policy again to compare.",
 } as const;
 
+export const TRAINING = {
+  acts: (step: string) => `Step ${step} acts, the newest so far.`,
+  newest: (step: string) => `Step ${step} is the newest so far.`,
+  over: "The training is over.",
+} as const;
+
 export const SEARCH = {
   hint: "Every mesh gets an answer: grasps are tried in physics, without any learning, and the best one is played.",
   begin: "Search a grasp",

@@ -48,7 +48,7 @@ export class Checkpoints {
       typeof loss === "number" ? number(loss) : "",
       size(bytes),
       link(`models/${model_id}`, model_id),
-      demo(`model=${model_id}`, DEMO.tryIn),
+      demo(`model=${model_id}&training=${this.#job}`, DEMO.tryIn),
       link(`new?kind=policy.evaluate&model_id=${model_id}`, CHECKPOINTS.evaluate),
     ];
     const row = h("tr", { "data-step": step }, ...cells.map((cell, i) => h("td", { class: i < 3 ? "is-number" : null }, cell)));

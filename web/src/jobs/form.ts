@@ -180,7 +180,7 @@ export class NewJob implements View {
   async #check(): Promise<void> {
     const asked = ++this.#asked;
     try {
-      const job = await ask<Job>("jobs?dry_run=true", "POST", this.#request());
+      const job = await ask<Job>("jobs?dry_run=true", "POST", this.#request(), { isQuiet: true });
       if (asked !== this.#asked) return;
       this.#blame(null);
       for (const [name, input] of this.#inputs) {
@@ -191,7 +191,10 @@ export class NewJob implements View {
       const parts = [seconds && FORM.about(duration(seconds)), bytes && FORM.disk(size(bytes))].filter((part) => typeof part === "string");
       this.#estimate.textContent = parts.length > 0 ? FORM.takes(parts) : "";
     } catch (error) {
-      if (asked === this.#asked) this.#blame(error);
+      if (asked !== this.#asked) return;
+      const wantsToken = error instanceof Refused && error.problem.status === 401;
+      this.#blame(wantsToken ? null : error);
+      if (wantsToken) this.#estimate.textContent = FORM.tokenFirst;
     }
   }
 

@@ -81,7 +81,7 @@ export class Log {
     // With the last byte that is known, so that there always is something to answer with.
     const range = this.#next > 0 ? `bytes=${this.#next - 1}-` : `bytes=-${END}`;
     try {
-      const answer = await send(`jobs/${this.#id}/logs`, "GET", undefined, { Range: range });
+      const answer = await send(`jobs/${this.#id}/logs`, "GET", undefined, { headers: { Range: range } });
       const bytes = new Uint8Array(await answer.arrayBuffer());
       const first = Number(/bytes (\d+)-/.exec(answer.headers.get("content-range") ?? "")?.[1] ?? 0);
       // An answer that is whole replaces what was there.

@@ -131,7 +131,7 @@ export class SharePanel {
     this.#hint.textContent = SHARE.sending(file.name);
     try {
       const path = `meshes?name=${encodeURIComponent(file.name)}`;
-      const { id } = await ask<{ id: string }>(path, "POST", file, this.#sending.signal);
+      const { id } = await ask<{ id: string }>(path, "POST", file, { signal: this.#sending.signal });
       this.#mesh = id;
       await this.copy();
     } catch (error) {

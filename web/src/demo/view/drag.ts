@@ -17,6 +17,9 @@ export interface Draggable {
   pulled(pull: Pull | null): void;
 }
 
+// A finger that has gone less far (px) may be the first of two, which zoom.
+const SLOP = 8;
+
 export function dragObject(canvas: HTMLCanvasElement, workspace: Rectangle, target: Draggable): void {
   const raycaster = new Raycaster();
   // The plane in which the pointer moves.
@@ -26,6 +29,7 @@ export function dragObject(canvas: HTMLCanvasElement, workspace: Rectangle, targ
   const offset = new Vector3();
   // How the drag began, if there is one, which the camera was not told; while it is told, that is not ours.
   let begun: PointerEvent | null = null;
+  let hasGone = false;
   let isPassedOn = false;
   // Where it was grabbed, in its own frame, if it is pulled at.
   let held: [number, number, number] | null = null;
@@ -69,6 +73,7 @@ export function dragObject(canvas: HTMLCanvasElement, workspace: Rectangle, targ
       else plane.set(new Vector3(0, 0, 1), -hit.z);
       offset.subVectors(hit, position);
       begun = event;
+      hasGone = event.pointerType !== "touch";
       canvas.setPointerCapture(event.pointerId);
       target.grabbed(true);
     },
@@ -82,6 +87,8 @@ export function dragObject(canvas: HTMLCanvasElement, workspace: Rectangle, targ
     }
     if (event.pointerId !== begun.pointerId) return;
     if (!held && !target.isFree()) return release(event.pointerId);
+    hasGone ||= Math.hypot(event.clientX - begun.clientX, event.clientY - begun.clientY) >= SLOP;
+    if (!hasGone) return;
     aim(event);
     if (!raycaster.ray.intersectPlane(plane, hit)) return;
     if (held) return target.pulled({ point: held, towards: [hit.x, hit.y, hit.z] });

@@ -1,0 +1,123 @@
+// A training whose policy acts here while it goes on: what it has learned since acts next, in the same attempt again.
+
+import { API, ask, type List } from "../common/api";
+import { element } from "../common/dom";
+import type { Frame, Model } from "./protocol";
+import { TRAINING } from "./strings";
+
+// From a verdict to the next policy (ms), long enough to be seen.
+const PAUSE = 2500;
+
+interface Checkpoint {
+  step: number;
+  model_id: string;
+}
+
+export interface TrainingEvents {
+  // Whether another policy may act now, as far as others are concerned.
+  isFree(): boolean;
+  use(model: string): void;
+  grasp(): void;
+}
+
+export class Training {
+  readonly #job: string;
+  readonly #events: TrainingEvents;
+  readonly #part = element("training", HTMLElement);
+  readonly #box = element("training-follow", HTMLInputElement);
+  readonly #words = element("training-words", HTMLElement);
+  #source: EventSource | null = null;
+  #isOver = false;
+  #newest: Checkpoint | null = null;
+  // The last step that was written before the page was opened: who chose one of those did not choose a newer one.
+  #before: number | null = null;
+  // What acts, and what was asked for in its place.
+  #acts: string | null = null;
+  #awaited: string | null = null;
+  // Whether nothing is under way, and what ended has been seen.
+  #isIdle = false;
+  #timer = 0;
+
+  constructor(job: string, events: TrainingEvents) {
+    this.#job = job;
+    this.#events = events;
+    this.#box.addEventListener("change", () => this.#go());
+    document.addEventListener("visibilitychange", () => this.#listen());
+    this.#listen();
+  }
+
+  // A browser keeps few connections to a server: a page that nobody sees needs none.
+  #listen(): void {
+    if (document.hidden || this.#isOver) {
+      this.#source?.close();
+      this.#source = null;
+      return;
+    }
+    if (this.#source) return;
+    const source = new EventSource(new URL("stream", API));
+    this.#source = source;
+    source.onopen = () => void this.#catchUp();
+    for (const type of ["checkpoint", "status"]) {
+      source.addEventListener(type, ({ data }) => {
+        if ((JSON.parse(data) as { job: string }).job === this.#job) void this.#catchUp();
+      });
+    }
+  }
+
+  // What it has written so far, and whether it goes on.
+  async #catchUp(): Promise<void> {
+    try {
+      const { data } = await ask<List<Checkpoint>>(`jobs/${this.#job}/checkpoints`);
+      const { finished_at } = await ask<{ finished_at: string | null }>(`jobs/${this.#job}`);
+      this.#isOver = finished_at !== null;
+      this.#newest = data.reduce((newest, one) => (newest && newest.step >= one.step ? newest : one), this.#newest);
+    } catch {
+      // It was deleted, or is asked for again when the server is back.
+      return;
+    }
+    if (this.#before === null) {
+      this.#before = this.#newest?.step ?? 0;
+      this.#part.hidden = this.#isOver;
+    }
+    if (this.#isOver) this.#listen();
+    this.#tell();
+    this.#go();
+  }
+
+  // An attempt that is under way, or has just ended, is not cut short.
+  showFrame({ phase }: Frame): void {
+    if (phase !== "idle" && phase !== "verdict") {
+      clearTimeout(this.#timer);
+      [this.#timer, this.#isIdle] = [0, false];
+    } else if (!this.#timer) {
+      this.#timer = window.setTimeout(() => {
+        this.#isIdle = true;
+        this.#go();
+      }, PAUSE);
+    }
+  }
+
+  hasModel({ id }: Model): void {
+    const isOurs = id !== null && id === this.#awaited;
+    // Whoever chooses another policy wants to keep it.
+    if (this.#acts !== null && id !== this.#acts && !isOurs) this.#box.checked = false;
+    [this.#acts, this.#awaited] = [id, null];
+    this.#tell();
+    if (isOurs) this.#events.grasp();
+  }
+
+  #go(): void {
+    const { step, model_id: id } = this.#newest ?? { step: 0, model_id: null };
+    const isNews = this.#before !== null && step > this.#before && ![this.#acts, this.#awaited].includes(id);
+    if (!id || !isNews || !this.#acts || !this.#isIdle || !this.#box.checked || !this.#events.isFree()) return;
+    this.#awaited = id;
+    this.#events.use(id);
+  }
+
+  #tell(): void {
+    if (!this.#newest) return;
+    const { step, model_id } = this.#newest;
+    const words = (model_id === this.#acts ? TRAINING.acts : TRAINING.newest)(step.toLocaleString("en"));
+    this.#words.textContent = this.#isOver ? `${words} ${TRAINING.over}` : words;
+  }
+}
