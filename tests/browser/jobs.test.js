@@ -372,6 +372,7 @@ test("a server with a token asks for it, and takes no other", async (t) => {
   await page.waitForSelector(".new-job .command:has-text('$TOKEN')");
   await page.click("button:has-text('Begin')");
   await page.waitForSelector("dialog:has-text('asks for its token')");
+  assert.deepEqual(await barriers(page), []);
   await page.keyboard.press("Escape");
   await page.waitForSelector(".new-job .failure:has-text('Ask whoever runs the server')");
   await page.click("button:has-text('Begin')");

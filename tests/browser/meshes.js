@@ -24,6 +24,44 @@ export function gltf() {
   });
 }
 
+// The same box as other formats have it.
+export function others() {
+  const lines = BOX.trim().split("\n").map((line) => line.split(" "));
+  const corners = lines.filter(([kind]) => kind === "v").map(([, ...xyz]) => xyz);
+  const faces = lines.filter(([kind]) => kind === "f").map(([, ...indices]) => indices.map((index) => index - 1));
+  const rows = (all, more = []) => all.map((one) => [...more, ...one].join(" ")).join("\n");
+  const triangles = faces.flatMap(([a, b, c, d]) => [[a, b, c], [a, c, d]]);
+  const facet = (triangle) => `facet normal 0 0 0\nouter loop\n${rows(triangle.map((i) => corners[i]), ["vertex"])}\nendloop\nendfacet`;
+  const binary = Buffer.alloc(84 + 50 * triangles.length);
+  binary.writeUInt32LE(triangles.length, 80);
+  triangles.forEach((triangle, k) => triangle.flatMap((i) => corners[i]).forEach((x, at) => binary.writeFloatLE(Number(x), 96 + 50 * k + 4 * at)));
+  const header = `element vertex 8\nproperty float x\nproperty float y\nproperty float z\nelement face 6\nproperty list uchar int vertex_indices`;
+  return {
+    "text.stl": `solid box\n${triangles.map(facet).join("\n")}\nendsolid box\n`,
+    "binary.stl": binary,
+    "box.ply": `ply\nformat ascii 1.0\n${header}\nend_header\n${rows(corners)}\n${rows(faces, [4])}\n`,
+    "box.off": `OFF\n8 6 0\n${rows(corners)}\n${rows(faces, [4])}\n`,
+    "box.glb": glb(),
+  };
+}
+
+// The glTF above in one binary file.
+function glb() {
+  const { buffers, ...scene } = JSON.parse(gltf());
+  const bytes = Buffer.from(buffers[0].uri.split(",")[1], "base64");
+  const padded = (part, fill) => Buffer.concat([part, Buffer.alloc(-part.length & 3, fill)]);
+  const json = padded(Buffer.from(JSON.stringify({ ...scene, buffers: [{ byteLength: bytes.length }] })), " ");
+  const chunks = [["JSON", json], ["BIN\0", padded(bytes, 0)]].map(([kind, part]) => {
+    const head = Buffer.alloc(8);
+    head.writeUInt32LE(part.length, 0);
+    head.write(kind, 4, "latin1");
+    return Buffer.concat([head, part]);
+  });
+  const head = Buffer.from("glTF\x02\0\0\0\0\0\0\0", "latin1");
+  head.writeUInt32LE(12 + Buffer.concat(chunks).length, 8);
+  return Buffer.concat([head, ...chunks]);
+}
+
 // A bottle with ribs, of so many triangles.
 export function bottle(triangles) {
   const [around, along] = [200, triangles / 400];

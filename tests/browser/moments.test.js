@@ -244,16 +244,38 @@ test("any mesh gets an answer without a policy: a grasp is searched in physics a
   await page.close();
 });
 
-test("whoever gets the link sees the same, here and on the command line", async () => {
+// The link to the first attempt from a seed on that lifts the object, or does not, and how that ended.
+async function linkTo(object, lifts, seed) {
   const context = await served.browser.newContext({ permissions: ["clipboard-read", "clipboard-write"], reducedMotion: "reduce" });
   const page = await context.newPage();
   await page.goto(served.address);
   await untilReady(page);
-  const { words, hash } = await grasp(page, 5);
+  await page.click(`#objects label:has([value=${object}])`);
+  await page.waitForSelector(`#objects [value=${object}]:checked`);
+  let end;
+  do end = await grasp(page, seed++);
+  while ((end.words === "Lifted and held.") !== lifts);
   await page.click("#copy-link");
   await page.waitForFunction(() => document.getElementById("share-hint").textContent === "Copied.");
   const link = await page.evaluate(() => navigator.clipboard.readText());
   await context.close();
+  return { ...end, link };
+}
+
+test("a failure's link fails alike, here and on the command line", async () => {
+  const { words, hash, link } = await linkTo("cracker_box", false, 0);
+  const { page, complaints } = await blank(served);
+  await page.goto(link);
+  await page.waitForFunction(() => document.getElementById("hash").textContent.endsWith("as in the link"));
+  assert.deepEqual([await page.textContent("#headline"), await page.getAttribute("#hash", "title")], [words, hash]);
+  assert.deepEqual(complaints, []);
+  await page.close();
+  const told = execFileSync(program, ["replay", link], { cwd: root, encoding: "utf8" }).trim().split("\n");
+  assert.deepEqual(told, [words, hash]);
+});
+
+test("whoever gets the link sees the same, here and on the command line", async () => {
+  const { words, hash, link } = await linkTo("sugar_box", true, 5);
 
   const { page: other, complaints } = await blank(served);
   await other.goto(link);
@@ -282,6 +304,26 @@ test("whoever gets the link sees the same, here and on the command line", async 
 
   const told = execFileSync(program, ["replay", link], { cwd: root, encoding: "utf8" }).trim().split("\n");
   assert.deepEqual(told, [words, hash]);
+  // From another scene or policy it may end otherwise, and that is said.
+  for (const [field, code] of [["sc", "link_other_scene"], ["mh", "link_other_model"], ["h", "link_other_end"]]) {
+    const { page: elsewhere } = await blank(served);
+    await elsewhere.goto(link.replace(new RegExp(`&${field}=[0-9a-f]{4}`), `&${field}=0000`));
+    await elsewhere.waitForSelector(`[data-code=${code}]`);
+    await elsewhere.close();
+  }
+  // Its camera, its moment, and another policy once one is chosen, which stays.
+  const { page: moment } = await blank(served);
+  await moment.goto(link.replace("&h=", "&c=0.600,-2.000,1.000,0.600,0.000,0.100&t=30&h="));
+  await moment.waitForFunction(() => document.getElementById("timeline").value === "30");
+  assert.match(await moment.textContent("#hash"), /as in the link$/);
+  await moment.focus("#policy");
+  await moment.waitForSelector("#policy [value=mlp-pcd]", { state: "attached" });
+  await moment.selectOption("#policy", "mlp-pcd");
+  await moment.waitForFunction(() => document.getElementById("model").textContent === 'Policy "mlp-pcd" acts.');
+  await moment.reload();
+  await untilReady(moment);
+  assert.equal(await moment.textContent("#model"), 'Policy "mlp-pcd" acts.');
+  await moment.close();
   const damaged = await blank(served);
   await damaged.page.goto(link.replace(/&h=.*/, ""));
   await damaged.page.waitForSelector("[data-code=link_damaged]");

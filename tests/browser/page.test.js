@@ -108,8 +108,25 @@ test("keys do what the buttons do", async () => {
   await page.waitForFunction((yaw) => document.getElementById("pose-yaw").value !== yaw, turned);
   await page.keyboard.press(" ");
   await page.waitForFunction(() => document.getElementById("rate").textContent === "Paused");
-  await page.keyboard.press("h");
-  assert.ok(await page.isChecked("#layer-hulls"));
+  const layers = { c: "cloud", m: "reconstruction", h: "hulls", f: "forces", t: "trail", j: "target", k: "limits", s: "sensor" };
+  for (const [key, layer] of Object.entries(layers)) {
+    const was = await page.isChecked(`#layer-${layer}`);
+    await page.keyboard.press(key);
+    assert.equal(await page.isChecked(`#layer-${layer}`), !was, layer);
+  }
+  await page.keyboard.press("i");
+  await page.waitForSelector("#inside[open]");
+  for (const [key, preset] of Object.entries({ 1: "front", 2: "side", 3: "top", 4: "sensor" })) {
+    await page.keyboard.press(key);
+    await page.waitForSelector(`#cameras [value=${preset}][aria-pressed=true]`);
+  }
+  await page.keyboard.press("0");
+  await page.waitForSelector("#cameras [aria-pressed=true]", { state: "detached" });
+  const yaw = await page.inputValue("#pose-yaw");
+  await page.keyboard.press("q");
+  await page.waitForFunction((yaw) => document.getElementById("pose-yaw").value !== yaw, yaw);
+  await page.keyboard.press("e");
+  await page.waitForFunction((yaw) => document.getElementById("pose-yaw").value === yaw, yaw);
   // With Shift the arrows turn the viewer, and the object stays.
   const stands = () => page.$eval("#pose", (fields) => [...fields.querySelectorAll("input")].map((input) => input.value).join());
   const stood = await stands();
@@ -121,6 +138,17 @@ test("keys do what the buttons do", async () => {
   }
   assert.equal(new Set(pictures).size, 4, "each key shows something else");
   assert.equal(await stands(), stood);
+  // An attempt that is paused goes on step by step, and back.
+  const tick = () => page.$eval("#timeline", ({ value }) => Number(value));
+  await page.keyboard.press("g");
+  await page.keyboard.press(".");
+  await page.waitForFunction(() => Number(document.getElementById("timeline").value) > 0);
+  await page.keyboard.press(".");
+  const reached = await tick();
+  await page.keyboard.press(",");
+  await page.waitForFunction((reached) => Number(document.getElementById("timeline").value) < reached, reached + 1);
+  await page.keyboard.press("Backspace");
+  await page.waitForFunction(() => Number(document.getElementById("timeline").value) === 0);
   await page.close();
 });
 
@@ -139,6 +167,45 @@ test("Space opens what is closed where the focus is, and pauses nothing then", a
   await page.waitForFunction((x) => document.getElementById("pose-x").value !== x, before);
   assert.notEqual(await page.textContent("#rate"), "Paused");
   assert.deepEqual(await barriers(page), []);
+  await page.close();
+});
+
+for (const colorScheme of ["light", "dark"]) {
+  test(`nothing bars anybody from what opens over the page, ${colorScheme}`, async () => {
+    const { page } = await visit(served, { colorScheme });
+    await untilReady(page);
+    await page.keyboard.press("?");
+    await page.waitForSelector("#help", { state: "visible" });
+    assert.deepEqual(await barriers(page), [], "the keys");
+    await screenshot(page, `help-${colorScheme}`);
+    await page.keyboard.press("Escape");
+    await page.click("#check-open");
+    await page.waitForSelector("dialog.check");
+    assert.deepEqual(await barriers(page), [], "the self-check");
+    await screenshot(page, `check-${colorScheme}`);
+    await page.keyboard.press("Escape");
+    await page.setInputFiles("#file", { name: "bad.obj", mimeType: "model/obj", buffer: Buffer.from("v 1") });
+    await page.waitForSelector(".failure");
+    assert.deepEqual(await barriers(page), [], "a failure");
+    await page.setViewportSize(PHONE);
+    await page.click("#handle");
+    await page.waitForSelector("#upload", { state: "visible" });
+    assert.deepEqual(await barriers(page), [], "the sheet");
+    await screenshot(page, `phone-sheet-${colorScheme}`);
+    await page.close();
+  });
+}
+
+test("an engine that a browser does not understand is told, with what to do", async () => {
+  const { page } = await blank(served);
+  // A section of a kind that there is none of, as SIMD is to a browser without it.
+  const body = Buffer.from([0, 97, 115, 109, 1, 0, 0, 0, 99, 1, 0]);
+  await page.route("**/*.wasm", (route) => route.fulfill({ body, contentType: "application/wasm" }));
+  await page.goto(served.address);
+  const card = await page.waitForSelector("[data-code=wasm_unsupported]");
+  await screenshot(page, "unsupported");
+  assert.ok((await card.textContent()).length > 40);
+  assert.ok(await page.isDisabled("#grasp"));
   await page.close();
 });
 

@@ -1,10 +1,13 @@
 // Bringing one's own mesh, good and bad.
 
 import assert from "node:assert/strict";
+import { mkdirSync, mkdtempSync, rmSync, writeFileSync } from "node:fs";
+import { tmpdir } from "node:os";
+import { join } from "node:path";
 import { after, before, test } from "node:test";
 import { deflateRawSync } from "node:zlib";
 import { open, screenshot, untilReady, visit } from "./chromium.js";
-import { BOX, bottle, gltf } from "./meshes.js";
+import { BOX, bottle, gltf, others } from "./meshes.js";
 
 let served;
 before(async () => (served = await open()));
@@ -123,6 +126,32 @@ test("several files, an archive and the clipboard", async () => {
   await page.close();
 });
 
+test("a folder is dropped, and every format in it is read", async (t) => {
+  const folder = mkdtempSync(join(tmpdir(), "meshes-"));
+  t.after(() => rmSync(folder, { recursive: true }));
+  mkdirSync(join(folder, "deeper"));
+  const meshes = others();
+  Object.entries(meshes).forEach(([name, bytes], k) => writeFileSync(join(folder, k % 2 ? "deeper" : ".", name), bytes));
+  writeFileSync(join(folder, "notes.txt"), "no mesh");
+  const { page, complaints } = await visit(served);
+  await untilReady(page);
+  const session = await page.context().newCDPSession(page);
+  const data = { items: [], files: [folder], dragOperationsMask: 1 };
+  for (const type of ["dragEnter", "dragOver"]) await session.send("Input.dispatchDragEvent", { type, x: 400, y: 300, data });
+  await page.waitForSelector("#drop", { state: "visible" });
+  await session.send("Input.dispatchDragEvent", { type: "drop", x: 400, y: 300, data });
+  await page.waitForSelector("#drop", { state: "hidden" });
+  for (const name of Object.keys(meshes)) {
+    await page.click("#objects label:has-text('Sugar box')");
+    await page.waitForFunction(() => document.getElementById("report-size").textContent === "4.9 × 9.4 × 17.6 cm");
+    await page.click(`#objects label:has-text('${name}')`);
+    await page.waitForFunction(() => document.getElementById("report-size").textContent === "4.0 × 6.0 × 12.0 cm");
+  }
+  assert.equal(await page.locator("#objects [value^='file:']").count(), Object.keys(meshes).length);
+  assert.deepEqual(complaints, []);
+  await page.close();
+});
+
 test("of many files some are taken, and that is said", async () => {
   const { page } = await visit(served);
   await untilReady(page);
@@ -186,6 +215,43 @@ test("a mesh that takes long to read is given up, and the scene goes on", async 
   // What is brought next is read.
   await page.setInputFiles("#file", file("box.obj", BOX));
   await page.waitForFunction(() => document.getElementById("report-size").textContent === "4.0 × 6.0 × 12.0 cm");
+  assert.deepEqual(complaints, []);
+  await page.close();
+});
+
+test("a file that cannot be read leaves the one of its name, and one that can takes its place", async () => {
+  const { page, complaints } = await visit(served);
+  await untilReady(page);
+  const brought = "#objects [value='file:box.obj']";
+  const height = (cm) => page.waitForFunction((cm) => document.getElementById("report-size").textContent === `4.0 × 6.0 × ${cm} cm`, cm);
+  const again = async (cm) => {
+    await page.click("#objects label:has-text('Sugar box')");
+    await page.waitForFunction(() => document.getElementById("report-size").textContent === "4.9 × 9.4 × 17.6 cm");
+    await page.click("#objects label:has-text('box.obj')");
+    await height(cm);
+  };
+  await page.setInputFiles("#file", file("box.obj", BOX));
+  await height("12.0");
+  await page.setInputFiles("#file", file("box.obj", "v 1"));
+  await page.waitForSelector('.failure:has-text("box.obj")');
+  await page.click(".failure .close");
+  await page.waitForSelector(`${brought}:checked`);
+  assert.equal(await page.locator(brought).count(), 1);
+  await again("12.0");
+  await page.reload();
+  await untilReady(page);
+  await again("12.0");
+  await page.setInputFiles("#file", file("box.obj", BOX.replaceAll("120", "80")));
+  await height("8.0");
+  assert.equal(await page.locator(brought).count(), 1);
+  await page.reload();
+  await untilReady(page);
+  await again("8.0");
+  // Two of one name are two.
+  await page.setInputFiles("#file", file("parts.zip", zip({ "a/part.obj": BOX, "b/part.obj": BOX.replaceAll("120", "70") })));
+  await height("12.0");
+  await page.click("#objects label:has-text('part (2).obj')");
+  await height("7.0");
   assert.deepEqual(complaints, []);
   await page.close();
 });

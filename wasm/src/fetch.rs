@@ -59,8 +59,8 @@ pub(crate) async fn model(
     let mut done = 0.0;
     let mut contents = Vec::new();
     for file in [weights, starts, config] {
-        let is_absolute = file.url.starts_with('/');
-        let url = if is_absolute { file.url.clone() } else { format!("{base}{}", file.url) };
+        // To a server its root is that of the host, and the site may lie in a folder.
+        let url = format!("{base}{}", file.url.trim_start_matches('/'));
         let response = get(&url).await?;
         let bytes = read(&response, |bytes| progress(done + bytes, total)).await?;
         if bytes.len() as f64 != file.bytes {

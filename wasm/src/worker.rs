@@ -126,7 +126,9 @@ impl Worker {
         }
         match message {
             ToWorker::Load { object } => self.load(upload::built_in(&object)),
-            ToWorker::Upload { file_name, bytes, .. } if file_name.ends_with(".json") => {
+            ToWorker::Upload { file_name, bytes, .. }
+                if file_name.to_ascii_lowercase().ends_with(".json") =>
+            {
                 self.play(&file_name, &bytes);
             }
             ToWorker::Upload { file_name, bytes, unit, mass_kg, stands } => {

@@ -3,7 +3,8 @@
 import { h } from "./dom";
 import { answered, NO_SERVER, TOKEN } from "./strings";
 
-export const API = new URL("../api/v1/", location.href);
+// The site may lie in any folder of its host: every page says where its root is.
+export const API = new URL(`${document.documentElement.dataset["root"] ?? "."}/api/v1/`, location.href);
 
 // Why the server refused (RFC 9457).
 export interface Problem {

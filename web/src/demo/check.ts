@@ -27,6 +27,7 @@ function findings(): Finding[] {
     { ...CHECK.simd, works: typeof WebAssembly === "object" && WebAssembly.validate(SIMD), told: "" },
     { ...CHECK.workers, works: typeof Worker === "function", told: CHECK.cores(navigator.hardwareConcurrency) },
     { ...CHECK.webgl, works: context !== null, told: graphics },
+    { ...CHECK.storage, works: typeof indexedDB === "object", told: "" },
     { ...CHECK.isolation, works: crossOriginIsolated },
     { ...CHECK.memory, works: memory === undefined || memory >= 2, told: memory ? CHECK.gigabytes(memory) : "" },
     { ...CHECK.film, works: FILM !== undefined, told: "" },

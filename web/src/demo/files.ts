@@ -7,6 +7,11 @@ import { MOST, unzip } from "./zip";
 const READABLE = /\.(obj|stl|ply|off|glb|gltf|json|zip)$/i;
 const ARCHIVE = /\.zip$/i;
 
+// Whether it is an episode or a demonstration, which brings its own object.
+export function plays(fileName: string): boolean {
+  return /\.json$/i.test(fileName);
+}
+
 // All files of a drop, those in folders too.
 export async function dropped(transfer: DataTransfer | null): Promise<File[]> {
   const entries = [...(transfer?.items ?? [])].map((item) => item.webkitGetAsEntry());
@@ -38,7 +43,18 @@ export async function readable(files: Iterable<File>): Promise<File[]> {
   const all = [...files];
   const known = all.filter(({ name }) => READABLE.test(name));
   const found = await Promise.all(known.map(async (file) => (ARCHIVE.test(file.name) ? opened(file) : [file])));
-  return known.length > 0 ? found.flat() : all.slice(0, 1);
+  return known.length > 0 ? distinct(found.flat()) : all.slice(0, 1);
+}
+
+// What comes from several folders may have one name: the second of it gets a number.
+function distinct(files: File[]): File[] {
+  const names = new Set<string>();
+  return files.map((file) => {
+    let name = file.name;
+    for (let k = 2; names.has(name); k++) name = file.name.replace(/(\.\w+)?$/, ` (${k})$1`);
+    names.add(name);
+    return name === file.name ? file : new File([file], name);
+  });
 }
 
 async function opened(archive: File): Promise<File[]> {

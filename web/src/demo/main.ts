@@ -6,6 +6,7 @@ import { Arrival } from "./arrival";
 import { showCheck } from "./check";
 import { Comparison } from "./compare";
 import { Engine, isEnd, NOT_FETCHED, useModel } from "./engine";
+import { plays } from "./files";
 import { Opening } from "./opening";
 import { AttemptPanel } from "./panel/attempt";
 import { BatchPanel } from "./panel/batch";
@@ -86,7 +87,7 @@ const inside = new InsidePanel(send);
 const comparison = new Comparison({
   now: () => [...situation.now(), ...situation.coming()],
   picture: () => {
-    const picture = makeView("view-2", { place: () => {}, pull: () => {}, graphics: () => {}, moved: () => {} });
+    const picture = makeView("view-2", { place: () => {}, pull: () => {}, graphics, moved: () => {} });
     layers.apply((layer, on) => picture?.setLayer(layer, on));
     return picture;
   },
@@ -96,6 +97,8 @@ const comparison = new Comparison({
 });
 const policy = new PolicyPicker(asked.model, (id) => {
   opening.stop();
+  // A link is of another policy.
+  if (location.hash) history.replaceState(null, "", location.pathname + location.search);
   use(id);
 });
 const training = asked.training === null ? null : follow(asked.training);
@@ -113,10 +116,7 @@ const view = makeView("view", {
     engine.send({ kind: "pull", pull });
   },
   moved: (stand) => comparison.stand(stand),
-  graphics: (works) => {
-    if (works) failures.close("graphics_lost");
-    else failures.show({ kind: "failure", code: "graphics_lost", ...FAILURES.graphicsLost });
-  },
+  graphics,
 });
 const share = new SharePanel({
   view: () => view?.stand() ?? null,
@@ -313,6 +313,11 @@ async function bring(): Promise<void> {
   }
 }
 
+function graphics(works: boolean): void {
+  if (works) failures.close("graphics_lost");
+  else failures.show({ kind: "failure", code: "graphics_lost", ...FAILURES.graphicsLost });
+}
+
 function whenSeen(act: () => void): void {
   if (document.hidden) document.addEventListener("visibilitychange", act, { once: true });
   else act();
@@ -379,7 +384,7 @@ async function upload(file: File, told: Told = { unit: null, massKg: null, stand
     if (awaited !== file) return;
     const message = { kind: "upload", fileName: file.name, bytes, ...told } as const;
     // What plays brings its own object.
-    if (!file.name.endsWith(".json")) situation.ask(message, file);
+    if (!plays(file.name)) situation.ask(message, file);
     comparison.send(message);
     engine.send(message);
   } catch (error) {

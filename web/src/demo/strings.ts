@@ -131,6 +131,7 @@ export const CHECK = {
   simd: { name: "SIMD", cure: UPDATE },
   workers: { name: "Workers", cure: UPDATE },
   webgl: { name: "WebGL 2", cure: "Turn on hardware acceleration. Without it nothing is drawn, but attempts run and verdicts are told." },
+  storage: { name: "Storage", cure: "Meshes are forgotten when the page is left. Leave private browsing to keep them." },
   isolation: { name: "Isolation", told: "precise clocks", cure: "The host must send COOP and COEP, as `ngf serve` does. It works without, too." },
   memory: { name: "Memory", cure: "Close other pages." },
   film: { name: "Film", cure: "Record the screen instead." },

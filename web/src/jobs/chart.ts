@@ -24,6 +24,8 @@ export class Chart {
   });
   #plot: uPlot | null = null;
   #shown = "";
+  #draw = () => {};
+  readonly #recolored = () => this.#draw();
 
   constructor(name: string) {
     this.#name = name;
@@ -32,17 +34,20 @@ export class Chart {
     this.element.className = "chart";
     this.element.append(caption);
     this.#resized.observe(this.element);
+    scheme.addEventListener("change", this.#recolored);
   }
 
   // Plots listen to the whole window.
   close(): void {
     this.#resized.disconnect();
+    scheme.removeEventListener("change", this.#recolored);
     this.#plot?.destroy();
     this.#plot = null;
   }
 
   // Draws it anew; where somebody has zoomed in, that stays.
   show(courses: { course: Course; label: string }[], look: Look): void {
+    this.#draw = () => this.show(courses, look);
     const tables = courses.map(({ course }) => points(course, this.#name, look));
     const data = uPlot.join(tables.map(([x, raw, smooth]) => [x, raw, smooth] as uPlot.AlignedData));
     const key = JSON.stringify([look, courses.map(({ label }) => label), scheme.matches]);

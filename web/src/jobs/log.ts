@@ -22,6 +22,7 @@ export class Log {
   readonly #feed: Feed;
   readonly #stop: () => void;
   #text: string[] = [""];
+  #decoder = new TextDecoder();
   #next = -1;
   #timer = 0;
   // All was read of a job that is over.
@@ -86,9 +87,10 @@ export class Log {
       const first = Number(/bytes (\d+)-/.exec(answer.headers.get("content-range") ?? "")?.[1] ?? 0);
       // An answer that is whole replaces what was there.
       const known = answer.status === 206 && this.#next > 0 ? this.#next - first : 0;
-      if (known === 0) this.#text = [""];
+      if (known === 0) [this.#text, this.#decoder] = [[""], new TextDecoder()];
       this.#next = first + bytes.byteLength;
-      this.#add(new TextDecoder().decode(bytes.subarray(known)));
+      // The end of it may be a part of a letter.
+      this.#add(this.#decoder.decode(bytes.subarray(known), { stream: true }));
     } catch (error) {
       // A server that is away is asked again.
       isAnswered = error instanceof Refused && error.problem.status > 0;

@@ -70,15 +70,13 @@ export class BatchPanel {
     this.#events.send({ kind: "batch", seed: this.#events.seed(), attempts: this.#wanted, run: this.#run });
   }
 
-  // An attempt of the policy that acts (0) or of the one beside it (1); its map and failures are those of the first.
+  // An attempt of the policy that acts (0) or of the one beside it (1); the map is that of the first.
   add(row: Attempted, who: 0 | 1): void {
     const own = this.#rows[who];
     if (!own || row.run !== this.#run) return;
     own.attempted.push(row);
-    if (who === 0) {
-      this.#places.add(row);
-      if (!row.lifted) this.#failures.append(this.#failure(row));
-    }
+    if (who === 0) this.#places.add(row);
+    if (!row.lifted) this.#failures.append(this.#failure(own, row));
     this.#show();
   }
 
@@ -116,9 +114,11 @@ export class BatchPanel {
     this.#csv.hidden = !first || first.attempted.length === 0;
   }
 
-  #failure({ seed, words }: Attempted): HTMLLIElement {
+  // Both act again where one of them failed.
+  #failure({ name }: Row, { seed, words }: Attempted): HTMLLIElement {
     const button = h("button", { type: "button", class: "quiet", click: () => this.#events.replay(seed) }, BATCH.watch);
-    return h("li", {}, h("span", {}, BATCH.ended(seed, words)), button);
+    const ended = BATCH.ended(seed, words);
+    return h("li", {}, h("span", {}, this.#rows.length > 1 ? BATCH.of(name, ended) : ended), button);
   }
 }
 

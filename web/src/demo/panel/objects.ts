@@ -1,7 +1,7 @@
 // Choosing an object: from the list, by button, dropped anywhere on the page, or pasted. What was brought stays in the list.
 
 import { element, h } from "../../common/dom";
-import { dropped, readable } from "../files";
+import { dropped, plays, readable } from "../files";
 import type { ObjectLoaded, Ready, Shape } from "../protocol";
 import { Shelf } from "../shelf";
 import { MOST } from "../zip";
@@ -18,11 +18,14 @@ export interface ObjectEvents {
 
 // A file in the list.
 interface Brought {
-  input: HTMLInputElement;
+  file: File;
+  choice: HTMLLabelElement;
   // Whether the browser's store has it, too.
   isKept: boolean;
   // Whether it has been read, now or on an earlier visit.
   wasRead: boolean;
+  // The one of its name whose place it takes once it has been read.
+  before: Brought | null;
 }
 
 export class ObjectPicker {
@@ -34,6 +37,8 @@ export class ObjectPicker {
   readonly #shelf = new Shelf();
   // By name: the last of a name counts.
   readonly #files = new Map<string, Brought>();
+  // What is drawn before a name.
+  readonly #shapes = new WeakMap<HTMLElement, Shape>();
   #selected: [string | null, string] = [null, ""];
   #first = "";
 
@@ -54,6 +59,12 @@ export class ObjectPicker {
       this.#events.load(this.#first);
     });
     this.#acceptDrops();
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
+      for (const choice of this.#list.querySelectorAll("label")) {
+        const shape = this.#shapes.get(choice);
+        if (shape) this.#picture(choice, shape);
+      }
+    });
     void this.#restore();
   }
 
@@ -63,7 +74,7 @@ export class ObjectPicker {
     this.#first = objects[0]?.name ?? "";
     for (const { name, label, shape } of objects) {
       const choice = this.#choice(name, label, () => this.#events.load(name));
-      picture(choice, shape);
+      this.#picture(choice, shape);
       choice.classList.add("built-in");
       first.before(choice);
     }
@@ -73,9 +84,15 @@ export class ObjectPicker {
   // Marks a built-in object, or else a file by its name, which is drawn now that its shape is known.
   select({ name, label, shape }: Pick<ObjectLoaded, "name" | "label" | "shape">): void {
     const file = name === null ? this.#files.get(label) : undefined;
-    const choice = file?.input.closest("label");
-    if (choice) picture(choice, shape);
-    if (file) file.wasRead = true;
+    if (file) {
+      this.#picture(file.choice, shape);
+      file.wasRead = true;
+      if (file.before?.isKept) {
+        file.isKept = true;
+        void this.#shelf.keep(file.file);
+      }
+      file.before = null;
+    }
     this.#mark(name, label);
   }
 
@@ -83,7 +100,7 @@ export class ObjectPicker {
     this.#selected = [name, label];
     for (const input of this.#list.querySelectorAll("input")) input.checked = input.value === name;
     const file = name === null ? this.#files.get(label) : undefined;
-    if (file) file.input.checked = true;
+    if (file) file.choice.querySelector("input")!.checked = true;
     this.#remove.hidden = !file;
   }
 
@@ -93,10 +110,21 @@ export class ObjectPicker {
 
   // Puts a file into the list.
   add(file: File, isKept = false, wasRead = false): void {
-    this.#files.get(file.name)?.input.closest("label")?.remove();
+    const before = this.#lastRead(file.name);
+    this.#files.get(file.name)?.choice.remove();
     const choice = this.#choice(`file:${file.name}`, file.name, () => this.#events.upload(file));
-    this.#files.set(file.name, { input: choice.querySelector("input")!, isKept, wasRead });
-    this.#button.before(choice);
+    this.#put({ file, choice, isKept, wasRead, before });
+  }
+
+  // What was of use last of those of a name.
+  #lastRead(fileName: string): Brought | null {
+    const last = this.#files.get(fileName);
+    return last?.wasRead ? last : (last?.before ?? null);
+  }
+
+  #put(brought: Brought): void {
+    this.#files.set(brought.file.name, brought);
+    this.#button.before(brought.choice);
   }
 
   // Nobody who could read is there.
@@ -108,7 +136,8 @@ export class ObjectPicker {
     this.#list.disabled = false;
   }
 
-  // Takes a file that is of no use from the list; what stood there still does.
+  // Takes a file that is of no use from the list; what stood there still does, and so does one of its name that was of
+  // use before.
   refuse(fileName: string): void {
     this.#drop(fileName);
     this.#mark(...this.#selected);
@@ -122,9 +151,10 @@ export class ObjectPicker {
 
   #drop(fileName: string): void {
     const file = this.#files.get(fileName);
-    file?.input.closest("label")?.remove();
+    file?.choice.remove();
     this.#files.delete(fileName);
     if (file?.isKept) void this.#shelf.forget(fileName);
+    if (file?.before) this.#put(file.before);
   }
 
   // What was brought on an earlier visit, but for what has been brought again since.
@@ -146,12 +176,21 @@ export class ObjectPicker {
     files = files.slice(0, MOST);
     // What plays brings its own object.
     for (const file of files) {
-      if (file.name.endsWith(".json")) continue;
-      this.add(file, true);
-      void this.#shelf.keep(file);
+      if (plays(file.name)) continue;
+      const isKept = !this.#lastRead(file.name)?.isKept;
+      this.add(file, isKept);
+      if (isKept) void this.#shelf.keep(file);
     }
     const [first] = files;
     if (first) this.#events.upload(first);
+  }
+
+  // Puts a picture of a shape before a choice's name.
+  #picture(choice: HTMLElement, shape: Shape): void {
+    this.#shapes.set(choice, shape);
+    choice.querySelector("canvas")?.remove();
+    const color = getComputedStyle(document.documentElement).getPropertyValue("--accent").trim();
+    choice.querySelector("span")?.before(thumbnail(shape, color));
   }
 
   #acceptDrops(): void {
@@ -174,9 +213,3 @@ export class ObjectPicker {
   }
 }
 
-// Puts a picture of a shape before a choice's name.
-function picture(choice: HTMLElement, shape: Shape): void {
-  choice.querySelector("canvas")?.remove();
-  const color = getComputedStyle(document.documentElement).getPropertyValue("--accent").trim();
-  choice.querySelector("span")?.before(thumbnail(shape, color));
-}
