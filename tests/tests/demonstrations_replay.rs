@@ -24,8 +24,8 @@ fn lifts(setting: &Setting, posture: &Posture, motion: &Demonstration) -> bool {
     matches!(outcome, TrialOutcome::Lifted { .. })
 }
 
-/// Demonstrations of the nearest grasp at the dataset's first poses of those where attempts take place, too, each
-/// replayed: none is left out for how its replay ended. Poses out of reach have none and are counted apart.
+/// Demonstrations of the nearest grasp at the first poses of the dataset, each replayed: none is left
+/// out for how its replay ended. Poses out of reach have none and are counted apart.
 fn replay(name: &str) {
     let robot = Robot::standard().unwrap();
     let object = Object::built_in(name).unwrap();
@@ -41,9 +41,6 @@ fn replay(name: &str) {
         let place = robot.config.upright(x, y, yaw);
         let mut rng = ChaCha8Rng::seed_from_u64(index as u64);
         index += 1;
-        if !robot.config.workspace.contains([x, y]) {
-            continue;
-        }
         let setting = Setting::new(&robot, &object, &place);
         let Some((way, posture)) = setting.options(&grasps).next() else {
             out_of_reach += 1;

@@ -1,7 +1,7 @@
 //! Point clouds of objects, as the camera measures them: with its noise, and without.
 
 use crate::part::{CLOUD, Part};
-use crate::poses::{draw_turn, ground, turned};
+use crate::poses::{draw_turn, turned};
 use crate::store;
 use anyhow::{Result, ensure};
 use geometry::Pose;
@@ -53,7 +53,7 @@ impl<'a> Viewer<'a> {
     ) -> Result<Vec<u8>> {
         let (mut noisy, mut clean, mut poses) = (vec![], vec![], vec![]);
         for _ in 0..count {
-            let pose = place::random_pose_on(&ground(self.robot), rng);
+            let pose = place::random_pose(self.robot, rng);
             poses.extend(pose);
             clean.extend(self.clean(object, pose)?);
             noisy.extend(self.noisy(object, pose, rng)?);

@@ -7,25 +7,14 @@ use geometry::sequence::spread;
 use grasps::{Robot, demonstration};
 use rand::{Rng, RngExt};
 use robot::{Isometry, rotation};
-use scene::config::Workspace;
 
-/// How much nearer and farther than in an attempt objects of the data stand (m).
-const MARGIN: f32 = 0.04;
-
-/// Where objects of the data stand: to a policy, which sees all in front of the robot, what differs is how far they
-/// are. Where attempts end theirs must not, or it learns least of what is nearest and farthest.
-pub fn ground(robot: &Robot) -> Workspace {
-    let Workspace { x: [near, far], y } = robot.config.workspace;
-    Workspace { x: [near - MARGIN, far + MARGIN], y }
-}
-
-/// The index-th pose of a sequence that fills [`ground`] and yaw evenly ([`geometry::sequence`]).
+/// The index-th pose of a sequence that fills workspace and yaw evenly ([`geometry::sequence`]).
 ///
 /// *Departure: the paper places objects on a grid; a policy that is tested between its poses learns
 /// more from as many poses that lie on no grid.*
 pub fn spread_pose(robot: &Robot, index: usize) -> [f32; 3] {
     let share = spread(index);
-    let Workspace { x, y } = ground(robot);
+    let [x, y] = [robot.config.workspace.x, robot.config.workspace.y];
     let pi = std::f32::consts::PI;
     [x[0] + (x[1] - x[0]) * share[0], y[0] + (y[1] - y[0]) * share[1], -pi + 2.0 * pi * share[2]]
 }
@@ -36,13 +25,13 @@ pub fn turned([x, y, yaw]: [f32; 3], turn: f32) -> [f32; 3] {
     [cos * x - sin * y, sin * x + cos * y, yaw + turn]
 }
 
-/// A turn (rad) that leaves an object on [`ground`], uniformly among these.
+/// A turn (rad) that leaves an object in the workspace, uniformly among these.
 pub fn draw_turn(robot: &Robot, pose: [f32; 3], rng: &mut impl Rng) -> f32 {
-    let ground = ground(robot);
+    let workspace = robot.config.workspace;
     for _ in 0..MOST_DRAWS {
         let turn = rng.random_range(-std::f32::consts::PI..std::f32::consts::PI);
         let [x, y, _] = turned(pose, turn);
-        if ground.contains([x, y]) {
+        if workspace.contains([x, y]) {
             return turn;
         }
     }
@@ -81,24 +70,6 @@ mod tests {
     use super::*;
     use rand::SeedableRng;
     use rand_chacha::ChaCha8Rng;
-
-    #[test]
-    fn poses_surround_those_of_attempts() {
-        let robot = Robot::standard().unwrap();
-        let distance = |[x, y, _]: [f32; 3]| libm::hypotf(x, y);
-        let poses: Vec<[f32; 3]> = (0..2000).map(|i| spread_pose(&robot, i)).collect();
-        let Workspace { x: [near, far], y: [_, side] } = robot.config.workspace;
-        let nearer = poses.iter().filter(|pose| distance(**pose) < near).count();
-        let farther =
-            poses.iter().filter(|pose| distance(**pose) > libm::hypotf(far, side)).count();
-        assert!(nearer > 40 && farther > 10, "{nearer} nearer, {farther} farther");
-
-        let mut rng = ChaCha8Rng::seed_from_u64(1);
-        for pose in poses {
-            let [x, y, _] = turned(pose, draw_turn(&robot, pose, &mut rng));
-            assert!(ground(&robot).contains([x, y]), "{pose:?}");
-        }
-    }
 
     #[test]
     fn targets_turn_with_the_object_about_the_robot_and_do_not_see_its_yaw() {

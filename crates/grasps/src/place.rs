@@ -10,7 +10,6 @@ use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use robot::JointState;
 use scene::SceneError;
-use scene::config::Workspace;
 
 /// Object poses at which the reach of a kind is counted.
 pub const REACH_POSES: usize = 200;
@@ -96,11 +95,7 @@ impl<'a> Planned<'a> {
 
 /// Draws a pose of the object uniformly over the workspace.
 pub fn random_pose(robot: &Robot, rng: &mut impl Rng) -> [f32; 3] {
-    random_pose_on(&robot.config.workspace, rng)
-}
-
-/// Draws a pose of the object uniformly over a rectangle of the table.
-pub fn random_pose_on(Workspace { x, y }: &Workspace, rng: &mut impl Rng) -> [f32; 3] {
+    let [x, y] = [robot.config.workspace.x, robot.config.workspace.y];
     let pi = std::f32::consts::PI;
     [rng.random_range(x[0]..x[1]), rng.random_range(y[0]..y[1]), rng.random_range(-pi..pi)]
 }

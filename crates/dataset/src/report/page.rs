@@ -3,7 +3,6 @@
 use crate::folder::Dataset;
 use crate::generate::Objects;
 use crate::manifest::Manifest;
-use crate::poses::ground;
 use crate::report::canvas::escaped;
 use crate::report::charts::{self, Spot};
 use crate::report::held;
@@ -54,10 +53,10 @@ pub fn report(dataset: &Dataset, robot: &Robot, objects: &Objects) -> Result<Str
             figure(&mut page, &held::row(drawn.collect()), "Grasps, when the fingers touch.")?;
         }
         let spots = spots(dataset, index)?;
-        let ground = ground(robot);
+        let workspace = &robot.config.workspace;
         figure(
             &mut page,
-            &charts::table(&spots, [ground.x, ground.y]),
+            &charts::table(&spots, [workspace.x, workspace.y]),
             "Where the object stood, from above. A dot is as large as the share of wanted \
              demonstrations that were kept, its colour is that of the grasp, red for none; the line \
              shows the yaw.",
