@@ -2,9 +2,12 @@
 
 import assert from "node:assert/strict";
 import { execFileSync } from "node:child_process";
-import { readFileSync } from "node:fs";
+import { mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
+import { tmpdir } from "node:os";
+import { join } from "node:path";
 import { after, before, test } from "node:test";
 import { blank, open, program, root, screenshot, untilReady, visit } from "./chromium.js";
+import { BOX } from "./meshes.js";
 
 let served;
 before(async () => (served = await open()));
@@ -353,4 +356,37 @@ test("a link about a file asks for it, and takes no other", async () => {
   assert.equal(await other.getAttribute("#hash", "title"), hash);
   assert.equal(await other.locator(".failure").count(), 0);
   await other.close();
+});
+
+test("a link about a file is followed on the command line, with all that was said of the file", async (t) => {
+  const context = await served.browser.newContext({ permissions: ["clipboard-read", "clipboard-write"], reducedMotion: "reduce" });
+  const page = await context.newPage();
+  await page.goto(served.address);
+  await untilReady(page);
+  const folder = mkdtempSync(join(tmpdir(), "link-"));
+  t.after(() => rmSync(folder, { recursive: true }));
+  const file = join(folder, "box.obj");
+  writeFileSync(file, BOX);
+  await page.setInputFiles("#file", file);
+  await page.waitForSelector("#objects [value='file:box.obj']:checked");
+  const links = [];
+  const share = async () => {
+    const { words, hash } = await grasp(page, 3);
+    await page.click("#copy-link");
+    await page.waitForFunction(() => document.getElementById("share-hint").textContent.startsWith("Copied"));
+    links.push({ link: await page.evaluate(() => navigator.clipboard.readText()), words, hash });
+  };
+  await share();
+  await page.fill("#mass", "250");
+  await page.press("#mass", "Tab");
+  await page.waitForFunction(() => document.getElementById("report-mass").textContent === "250 g");
+  await page.selectOption("#sides", "0");
+  await page.waitForFunction(() => document.getElementById("report-size").textContent.endsWith("× 4.0 cm"));
+  await share();
+  await context.close();
+  for (const { link, words, hash } of links) {
+    const told = execFileSync(program, ["replay", link, "--mesh", file], { cwd: root, encoding: "utf8" }).trim().split("\n");
+    assert.deepEqual(told, [words, hash]);
+  }
+  assert.notEqual(links[0].hash, links[1].hash);
 });

@@ -256,6 +256,25 @@ test("a file that cannot be read leaves the one of its name, and one that can ta
   await page.close();
 });
 
+test("what was said of a mesh holds on the next visit", async () => {
+  const { page, complaints } = await visit(served);
+  await untilReady(page);
+  await page.setInputFiles("#file", file("box.obj", BOX));
+  await page.waitForFunction(() => document.getElementById("report-mass").textContent === "173 g");
+  await page.fill("#mass", "250");
+  await page.press("#mass", "Tab");
+  await page.waitForFunction(() => document.getElementById("report-mass").textContent === "250 g");
+  await page.selectOption("#sides", "0");
+  await page.waitForFunction(() => document.getElementById("report-size").textContent.endsWith("× 4.0 cm"));
+  await page.reload();
+  await untilReady(page);
+  await page.click("#objects label:has-text('box.obj')");
+  await page.waitForFunction(() => document.getElementById("report-size").textContent.endsWith("× 4.0 cm"));
+  assert.equal(await page.textContent("#report-mass"), "250 g");
+  assert.deepEqual(complaints, []);
+  await page.close();
+});
+
 test("a mesh is there on the next visit, until it is removed", async () => {
   const { page, complaints } = await visit(served);
   await untilReady(page);

@@ -3,8 +3,9 @@
 use crate::protocol::{Failure, ObjectLoaded, Report, Shape, Stands, Unit};
 use crate::statistics::Tally;
 use geometry::Vec3;
+use geometry::brought::{self, Because, Brought, DENSITY, MASSES, MassFrom, Told};
 use geometry::catalog::{LOOK_ALIKES, of_family};
-use geometry::mesh::{self, Healing, Import, Mesh};
+use geometry::mesh::{self, Mesh};
 use geometry::object::Object;
 
 /// An object, and what is told about it.
@@ -17,14 +18,6 @@ pub(crate) struct Loaded {
     report: Report,
 }
 
-/// Density (kg/m³) of an upload, which says nothing of its mass: that of a packed box of food.
-const DENSITY: f64 = 600.0;
-/// Mass (kg) of an upload, at least and at most: what a hand can be asked to lift.
-const MASSES: [f64; 2] = [0.02, 1.5];
-/// Friction coefficient of an upload, the same as that of the built-in objects.
-const FRICTION: f32 = 0.8;
-/// Ways to stand that are offered.
-const MOST_RESTS: usize = 6;
 /// Directions from which a width is looked for.
 const WIDTHS: usize = 90;
 /// A little more than the softball (9.7 cm), the widest object that grasps of the search lift by going round it (m).
@@ -58,17 +51,9 @@ pub(crate) fn built_in(name: &str) -> Result<Loaded, Failure> {
     Ok(Loaded { object, name: Some(name.to_owned()), label: label(name), report })
 }
 
-/// What somebody says of a mesh file; the rest is guessed.
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Told {
-    pub(crate) unit: Option<Unit>,
-    pub(crate) mass_kg: Option<f32>,
-    pub(crate) stands: Option<Stands>,
-}
-
 /// An object from a mesh file.
 pub(crate) fn read(file_name: &str, bytes: &[u8], told: Told) -> Result<Loaded, Failure> {
-    let unusable = |error: mesh::MeshError| {
+    let found = brought::read(file_name, bytes, told).map_err(|error| {
         let message = error.to_string();
         // The message ends with the cure, as a sentence of its own.
         let (cause, cure) = message.rsplit_once(". ").unwrap_or((&message, "Try another file"));
@@ -77,59 +62,16 @@ pub(crate) fn read(file_name: &str, bytes: &[u8], told: Told) -> Result<Loaded, 
             cause: format!("{file_name}: {cause}."),
             cure: format!("{cure}."),
         }
-    };
-    let import = mesh::import(bytes, told.unit.map(Unit::geometry)).map_err(unusable)?;
-    let Import { mesh, unit, healing, is_drawn_y_up } = import;
-    let solid = mesh::solid(&mesh, healing.watertight).map_err(unusable)?;
-    let mut notes = notes(&healing, solid.from_hull);
-    let guessed = DENSITY * solid.volume;
-    let [least, most] = MASSES;
-    let mass = told.mass_kg.filter(|kg| kg.is_finite() && *kg > 0.0).unwrap_or_else(|| {
-        notes.push(match guessed {
-            kg if kg < least => format!("Mass assumed: {least} kg at least."),
-            kg if kg > most => format!("Mass assumed: {most} kg at most, what a hand can lift."),
-            _ => format!("Mass assumed from {DENSITY} kg/m³."),
-        });
-        guessed.clamp(least, most) as f32
-    });
-    let mut rests = mesh::rests(&mesh.vertices, solid.center);
-    // What is round has many sides, each steadier than to stand upright.
-    let stays = rests.is_empty() || rests.iter().any(mesh::Rest::is_as_it_is);
-    let drawn = rests.iter().position(mesh::Rest::is_y_up).filter(|_| is_drawn_y_up);
-    let far = drawn.filter(|side| *side >= MOST_RESTS).map(|side| rests.remove(side));
-    rests.truncate(MOST_RESTS);
-    // It is one of those that are offered.
-    rests.extend(far);
-    let drawn = drawn.map(|side| side.min(MOST_RESTS));
-    let stands = told.stands.unwrap_or_else(|| {
-        if let Some(side) = drawn {
-            notes.push("Its file looks drawn with y up, and it stands so.".into());
-            return Stands::On(side);
-        }
-        if stays {
-            return Stands::AsInFile;
-        }
-        notes.push(
-            "It would fall over as it stands in the file; it lies on its steadiest side.".into(),
-        );
-        Stands::On(0)
-    });
-    let (mesh, stands) = match stands {
-        Stands::On(side) if side < rests.len() => (mesh.turned(&rests[side].rotation), stands),
-        _ => (mesh, Stands::AsInFile),
-    };
-    let parts = mesh::convex_parts_or_hull(&mesh);
-    let object = Object::new(file_name, mesh, healing.watertight, parts.hulls, mass, FRICTION)
-        .map_err(unusable)?;
+    })?;
     let report = Report {
-        unit: Some(Unit::of(unit.unit)),
-        reason: Some(format!("{}.", unit.reason)),
-        sides: rests.len(),
-        stands: Some(stands),
-        notes,
-        ..report_of(&object, healing.watertight)
+        unit: Some(Unit::of(found.unit.unit)),
+        reason: Some(format!("{}.", found.unit.reason)),
+        sides: found.sides,
+        stands: Some(Stands::of(found.stands.0)),
+        notes: notes(&found),
+        ..report_of(&found.object, found.healing.watertight)
     };
-    Ok(Loaded { object, name: None, label: file_name.to_owned(), report })
+    Ok(Loaded { object: found.object, name: None, label: file_name.to_owned(), report })
 }
 
 impl Loaded {
@@ -189,25 +131,42 @@ fn fits(mesh: &Mesh) -> String {
 }
 
 /// What was repaired or assumed, as far as it changes what one sees or grasps.
-fn notes(healing: &Healing, is_weighed_by_hull: bool) -> Vec<String> {
+fn notes(found: &Brought) -> Vec<String> {
     let mut notes = Vec::new();
     let mut note = |count: usize, what: &str| {
         if count > 0 {
             notes.push(format!("{count} {what}"));
         }
     };
+    let healing = &found.healing;
     note(healing.degenerate_triangles, "triangles without area were left out.");
     note(healing.duplicate_triangles, "triangles that lay on others were left out.");
     note(healing.flipped_triangles, "triangles were turned to face outward.");
     note(healing.open_edges, "edges are open: the surface has holes.");
-    if is_weighed_by_hull {
+    if found.is_weighed_by_hull {
         notes.push("Weighed by its convex hull.".into());
     }
+    notes.extend(match found.mass {
+        MassFrom::Told => None,
+        MassFrom::Density => Some(format!("Mass assumed from {DENSITY} kg/m³.")),
+        MassFrom::Bound(kg) if kg == MASSES[0] => Some(format!("Mass assumed: {kg} kg at least.")),
+        MassFrom::Bound(kg) => {
+            Some(format!("Mass assumed: {kg} kg at most, what a hand can lift."))
+        }
+    });
+    let stands = match found.stands.1 {
+        Because::Asked => None,
+        Because::DrawnYUp => Some("Its file looks drawn with y up, and it stands so."),
+        Because::WouldFall => {
+            Some("It would fall over as it stands in the file; it lies on its steadiest side.")
+        }
+    };
+    notes.extend(stands.map(str::to_owned));
     notes
 }
 
 impl Unit {
-    fn geometry(self) -> mesh::Unit {
+    pub(crate) fn geometry(self) -> mesh::Unit {
         match self {
             Self::Metre => mesh::Unit::Metre,
             Self::Centimetre => mesh::Unit::Centimetre,
@@ -226,9 +185,26 @@ impl Unit {
     }
 }
 
+impl Stands {
+    pub(crate) fn geometry(self) -> brought::Stands {
+        match self {
+            Self::AsInFile => brought::Stands::AsInFile,
+            Self::On(side) => brought::Stands::On(side),
+        }
+    }
+
+    fn of(stands: brought::Stands) -> Self {
+        match stands {
+            brought::Stands::AsInFile => Self::AsInFile,
+            brought::Stands::On(side) => Self::On(side),
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use geometry::brought::MOST_RESTS;
     use wasm_bindgen_test::wasm_bindgen_test as test;
 
     /// A box of 40 x 60 x 120 as an OBJ file.
@@ -280,7 +256,7 @@ mod tests {
 
     #[test]
     fn the_unit_can_be_set_right() {
-        let told = Told { unit: Some(Unit::Centimetre), ..Told::default() };
+        let told = Told { unit: Some(mesh::Unit::Centimetre), ..Told::default() };
         let loaded = read("box.obj", BOX.as_bytes(), told).unwrap();
         assert!((loaded.report.extent_cm[2] - 120.0).abs() < 1e-3);
     }
@@ -289,7 +265,8 @@ mod tests {
     fn it_stands_and_weighs_as_is_said() {
         let loaded = read("box.obj", BOX.as_bytes(), Told::default()).unwrap();
         assert_eq!((loaded.report.stands, loaded.report.sides), (Some(Stands::AsInFile), 6));
-        let told = Told { mass_kg: Some(0.25), stands: Some(Stands::On(0)), ..Told::default() };
+        let told =
+            Told { mass: Some(0.25), stands: Some(brought::Stands::On(0)), ..Told::default() };
         let loaded = read("box.obj", BOX.as_bytes(), told).unwrap();
         assert!((loaded.report.extent_cm[2] - 4.0).abs() < 1e-3, "{:?}", loaded.report.extent_cm);
         assert_eq!(loaded.object.mass, 0.25);
@@ -304,15 +281,19 @@ mod tests {
     #[test]
     fn what_is_too_wide_or_too_low_is_told() {
         let fits = |height: &str, unit| {
-            let told = Told { unit: Some(unit), stands: Some(Stands::AsInFile), ..Told::default() };
+            let told = Told {
+                unit: Some(unit),
+                stands: Some(brought::Stands::AsInFile),
+                ..Told::default()
+            };
             read("box.obj", BOX.replace("120", height).as_bytes(), told).unwrap().report.fits
         };
         assert!(
-            fits("30", Unit::Millimetre)
+            fits("30", mesh::Unit::Millimetre)
                 .ends_with("3.0 cm high: too low for the fingers to get hold of")
         );
-        assert!(fits("38", Unit::Millimetre).ends_with("gets round it"));
-        let wide = fits("12", Unit::Centimetre);
+        assert!(fits("38", mesh::Unit::Millimetre).ends_with("gets round it"));
+        let wide = fits("12", mesh::Unit::Centimetre);
         assert!(wide.contains("only a rim or an edge") && !wide.contains("too low"), "{wide}");
     }
 

@@ -3,9 +3,12 @@
 use crate::batch::Batch;
 use crate::clock::Clock;
 use crate::fetch;
-use crate::protocol::{Amount, Cloud, Failure, Frame, FromWorker, Model, Progress, ToWorker};
+use crate::protocol::{
+    Amount, Cloud, Failure, Frame, FromWorker, Model, Progress, Stands, ToWorker, Unit,
+};
 use crate::stage::{Stage, cannot_begin};
-use crate::upload::{self, Loaded, Told};
+use crate::upload::{self, Loaded};
+use geometry::brought::Told;
 use serde::Serialize;
 use serde_wasm_bindgen::Serializer;
 use std::cell::RefCell;
@@ -133,7 +136,12 @@ impl Worker {
             }
             ToWorker::Upload { file_name, bytes, unit, mass_kg, stands } => {
                 post(&FromWorker::Progress(Progress::begin(format!("Reading {file_name}"))));
-                self.load(upload::read(&file_name, &bytes, Told { unit, mass_kg, stands }));
+                let told = Told {
+                    unit: unit.map(Unit::geometry),
+                    mass: mass_kg,
+                    stands: stands.map(Stands::geometry),
+                };
+                self.load(upload::read(&file_name, &bytes, told));
                 post(&FromWorker::Progress(Progress::end()));
             }
             ToWorker::Model { id, base } => {

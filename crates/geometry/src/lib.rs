@@ -2,6 +2,7 @@
 //!
 //! Lengths are metres and frames are right-handed with z up. Knows nothing of robots or physics.
 
+pub mod brought;
 pub mod catalog;
 pub mod cloud;
 pub mod loft;

@@ -104,6 +104,9 @@ impl ObjectFile {
     }
 }
 
+/// Friction coefficient of a mesh that says nothing of it, the same as that of the objects of the project.
+pub const MESH_FRICTION: f32 = 0.8;
+
 impl Object {
     /// Puts mesh and parts into the object frame and spreads `mass` evenly over the mesh's volume.
     pub fn new(

@@ -11,6 +11,7 @@ use geometry::object::Object;
 use imitation::evaluation::{self, Report};
 use rollout::{Controller, Workcell};
 use std::collections::BTreeSet;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -69,11 +70,7 @@ pub(crate) fn run(options: &Options) -> Result<()> {
         bail!("--card is of a model, and the planner is none");
     }
     let pose = pose(options)?;
-    let most = u64::MAX - options.attempts as u64;
-    if options.seed > most {
-        bail!("--seed may be at most {most} for {} attempts", options.attempts);
-    }
-    let seeds = options.seed..options.seed + options.attempts as u64;
+    let seeds = seeds(options.seed, options.attempts)?;
     let mut reports = Vec::new();
     for (name, object) in &objects {
         for (label, controller, object) in contestants(options, object) {
@@ -97,6 +94,15 @@ pub(crate) fn run(options: &Options) -> Result<()> {
         store::write(path, &serde_json::to_vec_pretty(&reports)?)?;
     }
     options.card.as_ref().map_or(Ok(()), |path| card::update(path, &reports))
+}
+
+/// The seeds of so many attempts.
+pub(crate) fn seeds(first: u64, attempts: usize) -> Result<Range<u64>> {
+    let most = u64::MAX - attempts as u64;
+    if first > most {
+        bail!("--seed may be at most {most} for {attempts} attempts");
+    }
+    Ok(first..first + attempts as u64)
 }
 
 /// Objects that are attempted, with their names.

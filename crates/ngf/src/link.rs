@@ -1,6 +1,8 @@
 //! A link to an attempt, as the page makes it: `…#v=1&o=sugar_box&…` (web/src/demo/share.ts).
 
 use anyhow::{Context, Result, bail};
+use geometry::brought::{Stands, Told};
+use geometry::mesh::Unit;
 use std::collections::BTreeMap;
 
 /// What a link says.
@@ -8,7 +10,9 @@ use std::collections::BTreeMap;
 pub(crate) struct Link {
     /// Name of a built-in object, or of a file.
     pub(crate) object: String,
-    /// Its hash.
+    /// What was said of the file, if it is one.
+    pub(crate) told: Told,
+    /// Hash of the object.
     pub(crate) object_hash: String,
     /// x, y (m), yaw (rad).
     pub(crate) pose: [f32; 3],
@@ -53,6 +57,7 @@ impl Link {
             .with_context(not_three)?;
         Ok(Self {
             object: field("o")?,
+            told: told(&fields)?,
             object_hash: field("oh")?,
             pose: pose.try_into().ok().with_context(not_three)?,
             seed: field("s")?.parse().context("the link's part \"s\" is no seed")?,
@@ -62,6 +67,27 @@ impl Link {
             end: field("h")?,
         })
     }
+}
+
+/// Unit, mass and side, as far as somebody said them.
+fn told(fields: &BTreeMap<String, String>) -> Result<Told> {
+    let unit = |name: &String| match name.as_str() {
+        "m" => Ok(Unit::Metre),
+        "cm" => Ok(Unit::Centimetre),
+        "mm" => Ok(Unit::Millimetre),
+        "in" => Ok(Unit::Inch),
+        _ => bail!("the link's part \"u\" is no unit that meshes are drawn in: {name}"),
+    };
+    let stands = |side: &String| match side.as_str() {
+        "file" => Ok(Stands::AsInFile),
+        side => side.parse().map(Stands::On).context("the link's part \"st\" is no side"),
+    };
+    let mass = |kg: &String| kg.parse().context("the link's part \"kg\" is no mass");
+    Ok(Told {
+        unit: fields.get("u").map(unit).transpose()?,
+        mass: fields.get("kg").map(mass).transpose()?,
+        stands: fields.get("st").map(stands).transpose()?,
+    })
 }
 
 #[cfg(test)]
@@ -79,6 +105,12 @@ mod tests {
             ("my cup.obj", [0.5, -0.1, 1e-7], 7)
         );
         assert_eq!((link.model_hash.as_deref(), link.end.as_str()), (Some("cd"), "01"));
+        assert_eq!(link.told, Told::default());
+        let told = Link::parse(&LINK.replace("&p=", "&u=in&kg=0.25&st=2&p=")).unwrap().told;
+        let stands = Some(Stands::On(2));
+        assert_eq!(told, Told { unit: Some(Unit::Inch), mass: Some(0.25), stands });
+        let told = Link::parse(&LINK.replace("&p=", "&st=file&p=")).unwrap().told;
+        assert_eq!(told.stands, Some(Stands::AsInFile));
     }
 
     #[test]
@@ -88,6 +120,9 @@ mod tests {
             ("&h=01", "", "\"h\" is missing"),
             ("%2C1e-7", "", "three numbers"),
             ("s=7", "s=x", "no seed"),
+            ("&p=", "&u=ell&p=", "no unit"),
+            ("&p=", "&kg=heavy&p=", "no mass"),
+            ("&p=", "&st=head&p=", "no side"),
         ] {
             let error = Link::parse(&LINK.replace(from, to)).unwrap_err();
             assert!(format!("{error:#}").contains(cause), "{error:#}");

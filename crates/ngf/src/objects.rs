@@ -3,7 +3,7 @@
 use anyhow::{Context, Result, bail};
 use geometry::catalog::CATALOG;
 use geometry::mesh;
-use geometry::object::Object;
+use geometry::object::{MESH_FRICTION, Object};
 use std::ffi::OsStr;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -50,9 +50,6 @@ pub(crate) struct ObjectOptions {
     friction: Option<f32>,
 }
 
-/// Friction of meshes (design: 0.8 as a geometric mean).
-const FRICTION: f32 = 0.8;
-
 impl ObjectOptions {
     /// Loads the object, if one is named.
     pub(crate) fn load_any(&self) -> Result<Option<(String, Object)>> {
@@ -61,6 +58,17 @@ impl ObjectOptions {
             bail!("--friction is of one object: name it with --object or --mesh");
         }
         if is_named { self.load().map(Some) } else { Ok(None) }
+    }
+
+    /// The mesh file, where nothing but that may be given.
+    pub(crate) fn mesh_alone(&self) -> Result<Option<&Path>> {
+        let is_more = self.mass.is_some() || self.density.is_some() || self.friction.is_some();
+        if self.object.is_some() || is_more {
+            bail!(
+                "a link says what it is about: give its file with --mesh, if it is one, and no more"
+            );
+        }
+        Ok(self.mesh.as_deref())
     }
 
     /// Loads the object; gives its name too.
@@ -96,7 +104,7 @@ pub(crate) fn of_mesh(path: &Path, heaviness: &Heaviness) -> Result<(String, Obj
         Heaviness::Mass(mass) => *mass,
         Heaviness::Density(density) => density * mesh::solid(&import.mesh, closed)?.volume as f32,
     };
-    let object = Object::new(&name, import.mesh, closed, parts, mass, FRICTION)?;
+    let object = Object::new(&name, import.mesh, closed, parts, mass, MESH_FRICTION)?;
     Ok((name, object))
 }
 
@@ -108,17 +116,21 @@ pub(crate) enum Heaviness {
     Density(f32),
 }
 
+/// A value that is one, by the name under which it was given.
+pub(crate) fn positive(name: &str, value: f32, unit: &str) -> Result<f32> {
+    if value.is_finite() && value > 0.0 {
+        return Ok(value);
+    }
+    bail!("{name} must be a positive number of {unit}, found {value}")
+}
+
 impl ObjectOptions {
     fn heaviness(&self) -> Result<Heaviness> {
-        let positive = |name: &str, value: f32, unit: &str| {
-            if value.is_finite() && value > 0.0 {
-                return Ok(value);
-            }
-            bail!("--{name} must be a positive number of {unit}, found {value}")
-        };
         match (self.mass, self.density) {
-            (Some(mass), _) => positive("mass", mass, "kilograms").map(Heaviness::Mass),
-            (None, Some(density)) => positive("density", density, "kg/m³").map(Heaviness::Density),
+            (Some(mass), _) => positive("--mass", mass, "kilograms").map(Heaviness::Mass),
+            (None, Some(density)) => {
+                positive("--density", density, "kg/m³").map(Heaviness::Density)
+            }
             (None, None) => bail!("a mesh needs --mass KG, or --density KG_M3"),
         }
     }

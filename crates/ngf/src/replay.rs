@@ -2,9 +2,10 @@
 
 use crate::evaluate::load;
 use crate::link::Link;
-use crate::objects::ObjectOptions;
+use crate::objects::{self, ObjectOptions};
 use anyhow::{Context, Result, bail, ensure};
 use dataset::generate::built_in_object;
+use geometry::brought;
 use rollout::{Attempt, Controller, Episode, Verdict, Workcell};
 use scene::config::scene_hash;
 
@@ -23,7 +24,7 @@ pub(crate) struct Options {
     /// Model instead of the link's: a folder of models/ or any folder.
     #[arg(long, value_name = "MODEL")]
     model: Option<String>,
-    /// The file that a link or an episode is about, if it is about one, or the object as it was.
+    /// The file that a link or an episode is about, if it is about one; of an episode the object as it was.
     #[command(flatten)]
     object: ObjectOptions,
 }
@@ -74,21 +75,22 @@ fn follow(link: &Link, options: &Options) -> Result<()> {
         link.model_hash.as_ref().is_none_or(|hash| *hash == model),
         "the model is not the one of the link: name that one with --model"
     );
-    let (name, object) = match options.object.load_any()? {
-        Some(given) => given,
-        None => {
-            let object = built_in_object(&link.object);
-            let object =
-                object.context("the link is about a file: give it with --mesh and --mass")?;
-            (link.object.clone(), object)
+    let name = &link.object;
+    let object = match options.object.mesh_alone()? {
+        Some(file) => {
+            let bytes =
+                objects::read(file).with_context(|| format!("cannot read {}", file.display()))?;
+            let found = brought::read(name, &bytes, link.told);
+            found.with_context(|| format!("{} cannot be used", file.display()))?.object
         }
+        None => built_in_object(name).context("the link is about a file: give it with --mesh")?,
     };
     ensure!(
         link.object_hash == object.hash(),
-        "{name} is not the object of the link: its shape, mass or friction is another"
+        "what is given is not {name} as it was: its shape or mass is another"
     );
     let (pose, policy) = (Some(link.pose), Controller::Policy);
-    let mut attempt = Attempt::begin(&workcell, &object, &name, pose, link.seed, policy)?;
+    let mut attempt = Attempt::begin(&workcell, &object, name, pose, link.seed, policy)?;
     let verdict = attempt.run(&workcell);
     let hash = attempt.state_hash();
     println!("{}", verdict.words());

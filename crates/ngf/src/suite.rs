@@ -1,6 +1,6 @@
 //! `ngf suite`: the paper's comparison in one command; a run that was stopped goes on.
 
-use crate::evaluate::load;
+use crate::evaluate::{load, seeds};
 use crate::objects::{self, Heaviness};
 use crate::train::read_model;
 use anyhow::{Context, Result, bail};
@@ -56,10 +56,7 @@ struct Contestant {
 
 /// Runs what is missing and writes the report.
 pub(crate) fn run(options: &Options) -> Result<()> {
-    let most = u64::MAX - options.attempts as u64;
-    if options.seed > most {
-        bail!("--seed may be at most {most} for {} attempts", options.attempts);
-    }
+    seeds(options.seed, options.attempts)?;
     let objects = options.objects.iter().map(|text| object(text)).collect::<Result<Vec<_>>>()?;
     let mut names = BTreeSet::new();
     if let Some((name, _)) = objects.iter().find(|(name, _)| !names.insert(name)) {
@@ -173,11 +170,8 @@ fn object(text: &str) -> Result<(String, Object)> {
         Some((file, mass)) => {
             let mass: f32 =
                 mass.parse().with_context(|| format!("{text}: the mass (kg) is no number"))?;
-            if !(mass.is_finite() && mass > 0.0) {
-                bail!("{text}: the mass must be a positive number of kilograms");
-            }
-            let mass = Heaviness::Mass(mass);
-            objects::of_mesh(Path::new(file), &mass)
+            let mass = objects::positive(&format!("{text}: the mass"), mass, "kilograms")?;
+            objects::of_mesh(Path::new(file), &Heaviness::Mass(mass))
         }
     }
 }
@@ -232,7 +226,7 @@ impl Cell<'_> {
             let file = failures.join(format!("{}.json", episode.seed));
             store::write(&file, &serde_json::to_vec(&episode)?)
         };
-        let seeds = options.seed..options.seed + options.attempts as u64;
+        let seeds = seeds(options.seed, options.attempts)?;
         let controller = &who.controller;
         let found =
             evaluation::evaluate(workcell, &object, name, controller, None, seeds, &observe)?;

@@ -6,7 +6,6 @@ import { Arrival } from "./arrival";
 import { showCheck } from "./check";
 import { Comparison } from "./compare";
 import { Engine, isEnd, NOT_FETCHED, useModel } from "./engine";
-import { plays } from "./files";
 import { Opening } from "./opening";
 import { AttemptPanel } from "./panel/attempt";
 import { BatchPanel } from "./panel/batch";
@@ -23,20 +22,18 @@ import { ReportCard } from "./panel/report";
 import { SearchPanel } from "./panel/search";
 import { SharePanel } from "./panel/share";
 import { makeSheet } from "./panel/sheet";
-import type { FromWorker, Model, PlanarPose, Ready, Told, ToWorker } from "./protocol";
+import type { FromWorker, Model, PlanarPose, Ready, ToWorker } from "./protocol";
 import { save } from "./save";
 import { type Shared, sharedIn } from "./share";
 import { Situation } from "./situation";
 import { ATTEMPT, FAILURES, FILES, LINK } from "./strings";
 import { Training } from "./training";
+import { Uploads } from "./uploads";
 import type { Preset } from "./view/camera";
 import { View, type ViewEvents } from "./view/view";
 
-// The file whose bytes are awaited.
-let awaited: File | null = null;
 let isFirstModel = true;
 let objectHash = "";
-let mostBytes = Infinity;
 // What the address asks for, once a worker is there.
 let brought: Promise<void> | null = null;
 
@@ -66,16 +63,25 @@ const objects = new ObjectPicker({
   load,
   upload: (file) => {
     opening.stop();
-    void upload(file, corrections.get(file) ?? arrival?.told);
+    void uploads.begin(file, uploads.told(file) ?? arrival?.told);
   },
+  corrected: (file, told) => uploads.remember(file, told),
   refused: (cause) => failures.show({ kind: "failure", code: "files_unreadable", ...FILES.unusable(cause) }),
   cut: (most) => failures.show({ kind: "failure", code: "files_left_out", ...FILES.cut(most) }),
 });
-// What was said of files and taken, for when one is chosen again.
-const corrections = new WeakMap<File, Told>();
+const uploads = new Uploads({
+  read: (message) => {
+    comparison.send(message);
+    engine.send(message);
+  },
+  asked: (message, file) => situation.ask(message, file),
+  refused: (file) => objects.refuse(file.name),
+  corrected: (file, told) => objects.correct(file, told),
+  tell: (failure) => failures.show(failure),
+});
 const report = new ReportCard((part) => {
   const { file, lastTold } = situation;
-  if (file && lastTold) void upload(file, { ...lastTold, ...part });
+  if (file && lastTold) void uploads.begin(file, { ...lastTold, ...part });
 });
 const batch = new BatchPanel({
   send,
@@ -139,7 +145,7 @@ const arrival =
 
 const isCalm = matchMedia("(prefers-reduced-motion: reduce)").matches;
 const opening = new Opening(!isCalm && !arrival && !asked.brings, {
-  play: (file) => whenSeen(() => void upload(file)),
+  play: (file) => whenSeen(() => void uploads.begin(file)),
   grasp: () => whenSeen(() => attempt.show(0)),
 });
 
@@ -199,15 +205,15 @@ function receive(message: FromWorker): void {
       playback.enable();
       inside.limit(message.joints);
       share.ready(message);
-      mostBytes = message.mostBytes;
+      uploads.mostBytes = message.mostBytes;
       situation.ready();
       if (!brought) begin(message);
       break;
     case "object":
       if (!situation.loaded(message)) break;
-      if (situation.file && situation.told) corrections.set(situation.file, situation.told);
       view?.showObject(message);
       objects.select(message);
+      if (situation.file && situation.told) uploads.loaded(situation.file, situation.told);
       report.show(message.report);
       attempt.hasObject(message.tally);
       batch.clear();
@@ -307,7 +313,7 @@ async function bring(): Promise<void> {
     const file = await asked.fetchFile();
     if (!file) return;
     if (!asked.plays) objects.add(file);
-    await upload(file, arrival?.told);
+    await uploads.begin(file, arrival?.told);
   } catch (error) {
     failures.show({ kind: "failure", code: "address_unusable", ...FILES.notFetched(String(error)) });
   }
@@ -335,7 +341,7 @@ function stop(headline: string): void {
 
 // Another worker, in which stands what stood there.
 function restart(): void {
-  awaited = null;
+  uploads.forget();
   objects.enable();
   engine.restart();
   for (const message of situation.restart()) engine.send(message);
@@ -355,7 +361,7 @@ function follow(job: string): Training {
 }
 
 function load(object: string): void {
-  awaited = null;
+  uploads.forget();
   send({ kind: "load", object });
 }
 
@@ -367,29 +373,6 @@ function refuse(file: File | null): void {
 // The same of one that nobody waits for any more.
 function giveUp(file: File | null): void {
   if (file) objects.giveUp(file.name);
-}
-
-async function upload(file: File, told: Told = { unit: null, massKg: null, stands: null }): Promise<void> {
-  // What would not be taken is not even read.
-  if (file.size > mostBytes) {
-    objects.refuse(file.name);
-    const told = FILES.tooLarge(file.name, (file.size / 1e6).toFixed(0), mostBytes / 1e6);
-    failures.show({ kind: "failure", code: "mesh_too_large", ...told });
-    return;
-  }
-  awaited = file;
-  try {
-    const bytes = await file.arrayBuffer();
-    // Another one was chosen meanwhile.
-    if (awaited !== file) return;
-    const message = { kind: "upload", fileName: file.name, bytes, ...told } as const;
-    // What plays brings its own object.
-    if (!plays(file.name)) situation.ask(message, file);
-    comparison.send(message);
-    engine.send(message);
-  } catch (error) {
-    failures.show({ kind: "failure", code: "file_unreadable", ...FILES.unreadable(file.name, String(error)) });
-  }
 }
 
 // A link that is followed here begins as on a page of its own.

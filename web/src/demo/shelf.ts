@@ -1,14 +1,16 @@
 // Meshes that were brought, kept in the browser's own store until somebody removes them. Where there is no store, as in
 // some private windows, they are there until the page is left.
 
+import type { Told } from "./protocol";
 import { MOST } from "./zip";
 
 const DATABASE = "ngf-grasp";
 const MESHES = "meshes";
 
-// A file, and when it was brought (ms).
+// A file, what was said of it, and when it was brought (ms).
 interface Kept {
   file: File;
+  told?: Told;
   at: number;
 }
 
@@ -16,13 +18,13 @@ export class Shelf {
   readonly #database: Promise<IDBDatabase | null> = open();
 
   // Those that are kept, the first one brought first.
-  async files(): Promise<File[]> {
-    return (await this.#kept()).map(({ file }) => file);
+  async files(): Promise<Kept[]> {
+    return this.#kept();
   }
 
   // The last of a name counts; of too many, the first ones brought make room.
-  async keep(file: File): Promise<void> {
-    await this.#change((meshes) => meshes.put({ file, at: Date.now() } satisfies Kept, file.name));
+  async keep(file: File, told?: Told): Promise<void> {
+    await this.#change((meshes) => meshes.put({ file, at: Date.now(), ...(told && { told }) } satisfies Kept, file.name));
     const kept = await this.#kept();
     for (const { file } of kept.slice(0, Math.max(0, kept.length - MOST))) await this.forget(file.name);
   }

@@ -61,6 +61,7 @@ export class AttemptPanel {
     this.#actor = id === null ? "planner" : "policy";
     showTally(tally);
     element("model", HTMLElement).textContent = words;
+    this.#announcement.textContent = words;
     const phase = this.#phases.querySelector("[data-phase=policy] button");
     if (phase) phase.textContent = id === null ? ATTEMPT.planner : ATTEMPT.policy;
     this.#enable();

@@ -2,7 +2,7 @@
 
 import { element, h } from "../../common/dom";
 import { dropped, plays, readable } from "../files";
-import type { ObjectLoaded, Ready, Shape } from "../protocol";
+import type { ObjectLoaded, Ready, Shape, Told } from "../protocol";
 import { Shelf } from "../shelf";
 import { MOST } from "../zip";
 import { thumbnail } from "./thumbnail";
@@ -10,6 +10,8 @@ import { thumbnail } from "./thumbnail";
 export interface ObjectEvents {
   load(name: string): void;
   upload(file: File): void;
+  // A file was brought on an earlier visit, and this was said of it.
+  corrected(file: File, told: Told): void;
   // Nothing could be read, and why.
   refused(cause: string): void;
   // More were brought than so many, which were taken.
@@ -108,6 +110,11 @@ export class ObjectPicker {
     return h("label", { title: label }, h("input", { type: "radio", name: "object", value, change: chosen }), h("span", {}, label));
   }
 
+  // What was said of a file is kept with it.
+  correct(file: File, told: Told): void {
+    if (this.#files.get(file.name)?.isKept) void this.#shelf.keep(file, told);
+  }
+
   // Puts a file into the list.
   add(file: File, isKept = false, wasRead = false): void {
     const before = this.#lastRead(file.name);
@@ -159,7 +166,11 @@ export class ObjectPicker {
 
   // What was brought on an earlier visit, but for what has been brought again since.
   async #restore(): Promise<void> {
-    for (const file of await this.#shelf.files()) if (!this.#files.has(file.name)) this.add(file, true, true);
+    for (const { file, told } of await this.#shelf.files()) {
+      if (this.#files.has(file.name)) continue;
+      this.add(file, true, true);
+      if (told) this.#events.corrected(file, told);
+    }
   }
 
   // The first one is shown, the others stand in the list.

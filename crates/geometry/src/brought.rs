@@ -1,0 +1,173 @@
+//! An object from the bytes of a mesh file, which says nothing of its unit, its mass and the side that it stands on:
+//! what nobody says of them is assumed, so that the same file and the same words give the same object everywhere.
+
+use crate::mesh::{self, Healing, Import, MeshError, Unit, UnitGuess};
+use crate::object::{MESH_FRICTION, Object};
+
+/// Density (kg/m³) of a mesh of which nobody says what it weighs: that of a packed box of food.
+pub const DENSITY: f64 = 600.0;
+/// Mass (kg) of such a mesh, at least and at most: what a hand can be asked to lift.
+pub const MASSES: [f64; 2] = [0.02, 1.5];
+/// Ways to stand that are looked at, the steadiest ones.
+pub const MOST_RESTS: usize = 6;
+
+/// What somebody says of a mesh file.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Told {
+    /// The unit that it is drawn in.
+    pub unit: Option<Unit>,
+    /// Mass (kg).
+    pub mass: Option<f32>,
+    /// How it stands.
+    pub stands: Option<Stands>,
+}
+
+/// How an object stands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stands {
+    /// As its file has it.
+    AsInFile,
+    /// On one of the sides that hold it, the steadiest being 0.
+    On(usize),
+}
+
+/// Where the mass of an object comes from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum MassFrom {
+    /// Somebody said it.
+    Told,
+    /// [`DENSITY`].
+    Density,
+    /// The least or the greatest of [`MASSES`].
+    Bound(f64),
+}
+
+/// Why an object stands as it does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Because {
+    /// Somebody said so, or the file has it so and it stands.
+    Asked,
+    /// The file looks drawn with y up.
+    DrawnYUp,
+    /// As its file has it, it would fall over: it lies on its steadiest side.
+    WouldFall,
+}
+
+/// An object from a mesh file, and what was found out and assumed.
+#[derive(Clone, Debug)]
+pub struct Brought {
+    /// The object; its name is that of the file.
+    pub object: Object,
+    /// Its unit, and why.
+    pub unit: UnitGuess,
+    /// What was repaired.
+    pub healing: Healing,
+    /// Whether it is weighed by its convex hull, because its surface does not close.
+    pub is_weighed_by_hull: bool,
+    /// Where its mass comes from.
+    pub mass: MassFrom,
+    /// Sides that it can stand on.
+    pub sides: usize,
+    /// How it stands, and why.
+    pub stands: (Stands, Because),
+}
+
+/// Makes an object of a mesh file.
+pub fn read(file_name: &str, bytes: &[u8], told: Told) -> Result<Brought, MeshError> {
+    let Import { mesh, unit, healing, is_drawn_y_up } = mesh::import(bytes, told.unit)?;
+    let solid = mesh::solid(&mesh, healing.watertight)?;
+    let (kg, mass) = weigh(solid.volume, told.mass);
+    let mut rests = mesh::rests(&mesh.vertices, solid.center);
+    // What is round has many sides, each steadier than to stand upright.
+    let stays = rests.is_empty() || rests.iter().any(mesh::Rest::is_as_it_is);
+    let drawn = rests.iter().position(mesh::Rest::is_y_up).filter(|_| is_drawn_y_up);
+    let far = drawn.filter(|side| *side >= MOST_RESTS).map(|side| rests.remove(side));
+    rests.truncate(MOST_RESTS);
+    // It is one of those that are offered.
+    rests.extend(far);
+    let (stands, because) = match (told.stands, drawn) {
+        (Some(stands), _) => (stands, Because::Asked),
+        (None, Some(side)) => (Stands::On(side.min(MOST_RESTS)), Because::DrawnYUp),
+        (None, None) if stays => (Stands::AsInFile, Because::Asked),
+        (None, None) => (Stands::On(0), Because::WouldFall),
+    };
+    let (mesh, stands) = match stands {
+        Stands::On(side) if side < rests.len() => (mesh.turned(&rests[side].rotation), stands),
+        _ => (mesh, Stands::AsInFile),
+    };
+    let parts = mesh::convex_parts_or_hull(&mesh).hulls;
+    let object = Object::new(file_name, mesh, healing.watertight, parts, kg, MESH_FRICTION)?;
+    Ok(Brought {
+        object,
+        unit,
+        healing,
+        is_weighed_by_hull: solid.from_hull,
+        mass,
+        sides: rests.len(),
+        stands: (stands, because),
+    })
+}
+
+/// Mass (kg) of so many cubic metres, unless somebody says it.
+fn weigh(volume: f64, told: Option<f32>) -> (f32, MassFrom) {
+    if let Some(kg) = told.filter(|kg| kg.is_finite() && *kg > 0.0) {
+        return (kg, MassFrom::Told);
+    }
+    let assumed = DENSITY * volume;
+    let kg = assumed.clamp(MASSES[0], MASSES[1]);
+    (kg as f32, if kg == assumed { MassFrom::Density } else { MassFrom::Bound(kg) })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    // A box of 40 x 60 x 120 mm.
+    const BOX: &str = "v 0 0 0\nv 40 0 0\nv 40 60 0\nv 0 60 0\nv 0 0 120\nv 40 0 120\nv 40 60 120\n\
+        v 0 60 120\nf 1 4 3 2\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n";
+
+    fn brought(text: &str, told: Told) -> Brought {
+        read("box.obj", text.as_bytes(), told).unwrap()
+    }
+
+    #[test]
+    fn what_nobody_says_is_assumed() {
+        let found = brought(BOX, Told::default());
+        assert_eq!((found.unit.unit, found.mass), (Unit::Millimetre, MassFrom::Density));
+        assert!((f64::from(found.object.mass) - 600.0 * 0.04 * 0.06 * 0.12).abs() < 1e-6);
+        assert_eq!((found.sides, found.stands), (6, (Stands::AsInFile, Because::Asked)));
+    }
+
+    #[test]
+    fn what_somebody_says_counts() {
+        let told = Told { unit: Some(Unit::Inch), mass: Some(0.3), stands: Some(Stands::On(0)) };
+        let found = brought(&BOX.replace("120", "12").replace("60", "6").replace("40", "4"), told);
+        assert_eq!((found.object.mass, found.mass), (0.3, MassFrom::Told));
+        // It lies on its largest side, 6 x 12 inches: 4 are its height.
+        assert!((found.object.size().z - 4.0 * 0.0254).abs() < 1e-6, "{}", found.object.size());
+        assert_ne!(found.object.hash(), brought(BOX, Told::default()).object.hash());
+        assert_eq!(found.object.hash(), {
+            let text = BOX.replace("120", "12").replace("60", "6").replace("40", "4");
+            brought(&text, told).object.hash()
+        });
+    }
+
+    #[test]
+    fn what_is_tiny_or_huge_weighs_what_a_hand_can_lift() {
+        for (unit, kg) in [(Unit::Centimetre, 1.5), (Unit::Millimetre, 0.02)] {
+            let text = BOX.replace("120", "30").replace("60", "30").replace("40", "30");
+            let found = brought(&text, Told { unit: Some(unit), ..Told::default() });
+            assert_eq!(found.mass, MassFrom::Bound(kg));
+            assert_eq!(found.object.mass, kg as f32);
+        }
+    }
+
+    #[test]
+    fn what_would_fall_over_lies_on_its_steadiest_side() {
+        let tilted = BOX.replace("v 40 60 0", "v 40 60 90").replace("v 40 0 0", "v 40 0 90");
+        assert_eq!(brought(&tilted, Told::default()).stands, (Stands::On(0), Because::WouldFall));
+        // A side that it does not have is none that it can be put on.
+        let told = Told { stands: Some(Stands::On(77)), ..Told::default() };
+        assert_eq!(brought(BOX, told).stands.0, Stands::AsInFile);
+    }
+}
