@@ -1,6 +1,7 @@
 //! Which path leads where.
 
 mod artifacts;
+mod course;
 mod datasets;
 mod events;
 mod job_files;
@@ -33,7 +34,7 @@ pub(crate) fn router() -> (Router<AppState>, OpenApi) {
         .routes(routes!(jobs::report))
         .routes(routes!(events::list))
         .routes(routes!(events::stream_of))
-        .routes(routes!(events::metrics))
+        .routes(routes!(course::metrics))
         .routes(routes!(job_files::logs))
         .routes(routes!(job_files::checkpoints))
         .routes(routes!(job_files::artifacts))

@@ -9,7 +9,7 @@ use toml::{Table, Value};
 
 /// Our own crates that each crate may use at run time.
 ///
-/// The design's table, with two remarks. `policy`, `rollout` and what lies below them reach the
+/// ARCHITECTURE.md tells what each does. `policy`, `rollout` and what lies below them reach the
 /// browser, so candle stays above. `server` knows from `dataset` and `imitation` what can be asked of a job; the work
 /// is done by `ngf`, a process of its own.
 const MAY_USE: [(&str, &[&str]); 15] = [

@@ -58,7 +58,7 @@ pub(crate) fn test(place: &Place) -> Result<bool> {
 /// What takes too long for every change.
 #[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub(crate) enum Proof {
-    /// The attempts of a hundred seeds in the browser, bit for bit as natively.
+    /// A hundred attempts in the browser, bit for bit as natively.
     Attempts,
     /// Violent ends of jobs, a crowd of readers, ten thousand uploads, bodies that never end.
     Jobs,

@@ -12,5 +12,5 @@ pub mod spec;
 pub mod terms;
 
 pub use fabric::{Fabric, FabricConfig, Goal};
-pub use planner::{Plan, PlanFailure, PlannerConfig};
+pub use planner::{Plan, PlannerConfig};
 pub use spec::Spec;

@@ -21,7 +21,7 @@ pub const LOOK_ALIKES: &str = "ycb";
 const HELD_OUT: [&str; 3] = ["jars", "sprays", "toys"];
 
 /// Whose grasps the objects of a family are tried with first. Those of the paper's objects come from the longest search,
-/// and a can is grasped as a jar is, a spray as a bottle.
+/// and a jar is grasped as a can is, a spray as a bottle.
 const EXEMPLARS: [(&str, &str); 10] = [
     ("boxes", "sugar_box"),
     ("cans", "soup_can"),

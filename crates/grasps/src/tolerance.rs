@@ -7,7 +7,7 @@
 //!
 //! Nor does the object itself tell what a grasp is worth on the next one like it. Two grasps of the bleach bottle from
 //! straight above lifted 0.83 and 0.62 of their trials; a policy that had learned them lifted the mustard bottle, which it had
-//! never seen, 3 times of 36 with them, and 110 of 114 times with the others (counted once, seeds 1000 to 1149).
+//! never seen, 3 times of 36 with them, and 110 of 112 times with the two others (counted once, seeds 1000 to 1149).
 
 use crate::demonstration::TrajectoryConfig;
 use crate::grasp::{Grasp, Posture};

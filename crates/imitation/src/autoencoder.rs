@@ -77,7 +77,7 @@ pub fn pose_in_front(pose: [f32; 3], bearing: f64) -> [f32; 3] {
 }
 
 impl AutoencoderConfig {
-    /// About ten minutes on two cores. On the clouds of preset `families` (seed 0) the yaw of the bleach bottle is then
+    /// A quarter of an hour on two cores. On the clouds of preset `families` (seed 0) the yaw of the bleach bottle is then
     /// read off z within 5.0 degrees (median); with a third of the steps and a tenth of the weight of the moments, 8.7.
     pub fn standard() -> Self {
         Self {

@@ -21,8 +21,8 @@ pub struct ModelFiles {
     pub config: Vec<u8>,
 }
 
-/// Start configurations that the model keeps of each object pose.
-const STARTS_PER_POSE: usize = 2;
+/// Start configurations that the model keeps of each way in which an object pose is grasped.
+const STARTS_PER_WAY: usize = 2;
 
 /// Bits of mantissa that a policy's weights keep in its file, of the ten of half precision. What is left out is zero, and
 /// a packed file is a fifth smaller: 8.9 MB where it was 11.1.
@@ -40,7 +40,7 @@ pub fn model_files(
     let weights = merge(&[encoder.params.export(&whitening)?, policy])?;
     let (mut z, mut q) = (Vec::new(), Vec::new());
     for lesson in lessons.iter().filter(|lesson| lesson.has_starts) {
-        for trajectory in 0..lesson.demonstrations.trajectories().min(STARTS_PER_POSE) {
+        for trajectory in 0..lesson.demonstrations.trajectories().min(STARTS_PER_WAY) {
             let (first, _) = lesson.demonstrations.span(trajectory);
             let seen = &lesson.encodings[0];
             z.extend(&seen.z);

@@ -42,7 +42,7 @@ async fn find(engine: &Engine, id: &str) -> Result<Value, Problem> {
     record.ok_or_else(|| Problem::no_record("dataset", id))
 }
 
-/// Forgets one, with its files; jobs that have not ended keep theirs.
+/// Forgets one, with its files; refused while a job that has not ended works on it.
 #[utoipa::path(
     delete, path = "/datasets/{id}", tag = "datasets", params(("id" = String, Path)),
     responses((status = 204, description = "It is forgotten")),

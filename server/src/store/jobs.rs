@@ -231,7 +231,7 @@ impl Store {
         .await?)
     }
 
-    /// Jobs with a process, or all that wait.
+    /// Ids of the jobs in one of these states.
     pub(crate) async fn ids_in(&self, status: &[Status]) -> Result<Vec<String>, StoreError> {
         let filter = Filter { status: status.to_vec(), limit: i64::MAX, ..Filter::default() };
         Ok(self.jobs(&filter).await?.into_iter().map(|job| job.id).collect())
