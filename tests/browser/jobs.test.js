@@ -5,7 +5,7 @@ import { mkdtempSync, rmSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
-import { barriers, blank, open, PATIENCE, PHONE, screenshot, serve } from "./chromium.js";
+import { barriers, blank, open, PATIENCE, PHONE, screenshot, serve, untilReady } from "./chromium.js";
 import { BOX, bottle } from "./meshes.js";
 
 let served;
@@ -120,24 +120,36 @@ test("a training is watched, stopped, gone on with, compared, and tried in the d
     page.context().waitForEvent("page"),
     page.click("a:has-text('Try in demo')"),
   ]);
+  await demo.emulateMedia({ reducedMotion: "no-preference" });
+  await demo.reload();
   const acts = () => demo.textContent("#model");
   await demo.waitForFunction(() => /Policy "mdl_\w+" acts/.test(document.getElementById("model").textContent));
   await screenshot(page, "jobs-training");
   // What it has learned since acts next, until another policy is chosen.
   const first = await acts();
   await demo.bringToFront();
-  await demo.waitForSelector("#training-words:has-text('acts, the newest so far')");
+  await untilReady(demo);
+  await demo.keyboard.press("r");
+  await demo.waitForSelector("#training-words:has-text('the newest so far')");
   await demo.waitForFunction((first) => document.getElementById("model").textContent !== first, first);
   assert.match(await acts(), /Policy "mdl_\w+" acts/);
+  // Nobody has pressed anything: it tries by itself what the one before it has tried.
+  await demo.waitForSelector("#phases .is-now");
   await demo.locator("#training").scrollIntoViewIfNeeded();
   await screenshot(demo, "demo-training");
   await demo.selectOption("#policy", "default");
   await demo.waitForFunction(() => document.getElementById("model").textContent === 'Policy "default" acts.');
   assert.equal(await demo.isChecked("#training-follow"), false);
-  const newest = await demo.textContent("#training-words");
-  await demo.waitForFunction((newest) => document.getElementById("training-words").textContent !== newest, newest);
-  await demo.waitForTimeout(4000);
+  // Two more are written, and after an attempt of it, too, it is still there.
+  for (let k = 0; k < 2; k += 1) {
+    const newest = await demo.textContent("#training-words");
+    await demo.waitForFunction((newest) => document.getElementById("training-words").textContent !== newest, newest);
+  }
   assert.equal(await acts(), 'Policy "default" acts.');
+  await demo.reload();
+  await untilReady(demo);
+  assert.equal(await acts(), 'Policy "default" acts.');
+  assert.ok(await demo.isHidden("#training"));
   await demo.close();
   await page.click("button:has-text('Pause')");
   await stands(page, "paused");

@@ -255,9 +255,11 @@ async function linkTo(object, lifts, seed) {
   await untilReady(page);
   await page.click(`#objects label:has([value=${object}])`);
   await page.waitForSelector(`#objects [value=${object}]:checked`);
-  let end;
-  do end = await grasp(page, seed++);
-  while ((end.words === "Lifted and held.") !== lifts);
+  let end = await grasp(page, seed);
+  for (let next = seed + 1; (end.words === "Lifted and held.") !== lifts; next += 1) {
+    assert.ok(next < seed + 50, `of 50 attempts none ${lifts ? "lifts" : "fails"}`);
+    end = await grasp(page, next);
+  }
   await page.click("#copy-link");
   await page.waitForFunction(() => document.getElementById("share-hint").textContent === "Copied.");
   const link = await page.evaluate(() => navigator.clipboard.readText());

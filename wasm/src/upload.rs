@@ -155,7 +155,7 @@ fn notes(found: &Brought) -> Vec<String> {
         }
     });
     let stands = match found.stands.1 {
-        Because::Asked => None,
+        Because::Given => None,
         Because::DrawnYUp => Some("Its file looks drawn with y up, and it stands so."),
         Because::WouldFall => {
             Some("It would fall over as it stands in the file; it lies on its steadiest side.")

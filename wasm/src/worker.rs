@@ -69,7 +69,7 @@ fn begin() -> Result<(), Failure> {
     Ok(())
 }
 
-async fn fetch_model(id: String, base: String, request: u32) {
+async fn fetch_model(id: String, base: String, gently: bool, request: u32) {
     let is_wanted = || {
         let mut is_wanted = false;
         with_worker(|worker| is_wanted = worker.wanted == request);
@@ -87,6 +87,11 @@ async fn fetch_model(id: String, base: String, request: u32) {
     let fetched = fetch::model(&id, &base, progress).await;
     if !is_wanted() {
         return;
+    }
+    let mut is_busy = false;
+    with_worker(|worker| is_busy = worker.batch.is_some() || worker.stage.is_busy());
+    if gently && is_busy {
+        return post(&FromWorker::Progress(Progress::end()));
     }
     let loaded = match fetched {
         Ok(Some(files)) => load_model(&id, &files),
@@ -144,9 +149,9 @@ impl Worker {
                 self.load(upload::read(&file_name, &bytes, told));
                 post(&FromWorker::Progress(Progress::end()));
             }
-            ToWorker::Model { id, base } => {
+            ToWorker::Model { id, base, gently } => {
                 self.wanted = self.wanted.wrapping_add(1);
-                wasm_bindgen_futures::spawn_local(fetch_model(id, base, self.wanted));
+                wasm_bindgen_futures::spawn_local(fetch_model(id, base, gently, self.wanted));
             }
             ToWorker::Place { pose } => self.stage.place(pose),
             ToWorker::RandomPose { seed } => self.stage.place_by_seed(seed),

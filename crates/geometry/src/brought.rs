@@ -45,8 +45,8 @@ pub enum MassFrom {
 /// Why an object stands as it does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Because {
-    /// Somebody said so, or the file has it so and it stands.
-    Asked,
+    /// Somebody or the file has it so, and there is nothing to say about it.
+    Given,
     /// The file looks drawn with y up.
     DrawnYUp,
     /// As its file has it, it would fall over: it lies on its steadiest side.
@@ -86,9 +86,9 @@ pub fn read(file_name: &str, bytes: &[u8], told: Told) -> Result<Brought, MeshEr
     // It is one of those that are offered.
     rests.extend(far);
     let (stands, because) = match (told.stands, drawn) {
-        (Some(stands), _) => (stands, Because::Asked),
+        (Some(stands), _) => (stands, Because::Given),
         (None, Some(side)) => (Stands::On(side.min(MOST_RESTS)), Because::DrawnYUp),
-        (None, None) if stays => (Stands::AsInFile, Because::Asked),
+        (None, None) if stays => (Stands::AsInFile, Because::Given),
         (None, None) => (Stands::On(0), Because::WouldFall),
     };
     let (mesh, stands) = match stands {
@@ -135,7 +135,7 @@ mod tests {
         let found = brought(BOX, Told::default());
         assert_eq!((found.unit.unit, found.mass), (Unit::Millimetre, MassFrom::Density));
         assert!((f64::from(found.object.mass) - 600.0 * 0.04 * 0.06 * 0.12).abs() < 1e-6);
-        assert_eq!((found.sides, found.stands), (6, (Stands::AsInFile, Because::Asked)));
+        assert_eq!((found.sides, found.stands), (6, (Stands::AsInFile, Because::Given)));
     }
 
     #[test]
@@ -145,11 +145,6 @@ mod tests {
         assert_eq!((found.object.mass, found.mass), (0.3, MassFrom::Told));
         // It lies on its largest side, 6 x 12 inches: 4 are its height.
         assert!((found.object.size().z - 4.0 * 0.0254).abs() < 1e-6, "{}", found.object.size());
-        assert_ne!(found.object.hash(), brought(BOX, Told::default()).object.hash());
-        assert_eq!(found.object.hash(), {
-            let text = BOX.replace("120", "12").replace("60", "6").replace("40", "4");
-            brought(&text, told).object.hash()
-        });
     }
 
     #[test]

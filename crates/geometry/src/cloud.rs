@@ -74,7 +74,4 @@ mod tests {
         assert!((apart(&line(3), &line(2)) - 0.2).abs() < 1e-6);
         assert_eq!(apart(&line(3), &[]), f32::INFINITY);
     }
-
-    #[test]
-    fn centroid_of_a_line_is_its_middle() {}
 }

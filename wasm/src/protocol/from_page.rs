@@ -19,10 +19,11 @@ pub(crate) enum ToWorker {
         mass_kg: Option<f32>,
         stands: Option<Stands>,
     },
-    /// Act by the model of this id; `base` is where the page lies.
+    /// Act by the model of this id, gently: unless something is under way when it has come; `base` is where the page lies.
     Model {
         id: String,
         base: String,
+        gently: bool,
     },
     Place {
         pose: PlanarPose,

@@ -4,8 +4,8 @@ import type { Failure, FromWorker, ToWorker } from "./protocol";
 import { FAILURES } from "./strings";
 
 // What tells a worker by whom to act.
-export function useModel(id: string): ToWorker {
-  return { kind: "model", id, base: new URL(".", document.baseURI).href };
+export function useModel(id: string, gently = false): ToWorker {
+  return { kind: "model", id, base: new URL(".", document.baseURI).href, gently };
 }
 
 // Whether a worker that says so is of no more use.

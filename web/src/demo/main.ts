@@ -63,7 +63,7 @@ const objects = new ObjectPicker({
   load,
   upload: (file) => {
     opening.stop();
-    void uploads.begin(file, uploads.told(file) ?? arrival?.told);
+    void uploads.begin(file, arrival?.told ?? uploads.told(file));
   },
   corrected: (file, told) => uploads.remember(file, told),
   refused: (cause) => failures.show({ kind: "failure", code: "files_unreadable", ...FILES.unusable(cause) }),
@@ -75,7 +75,7 @@ const uploads = new Uploads({
     engine.send(message);
   },
   asked: (message, file) => situation.ask(message, file),
-  refused: (file) => objects.refuse(file.name),
+  refused: (file) => objects.refuse(file),
   corrected: (file, told) => objects.correct(file, told),
   tell: (failure) => failures.show(failure),
 });
@@ -103,8 +103,8 @@ const comparison = new Comparison({
 });
 const policy = new PolicyPicker(asked.model, (id) => {
   opening.stop();
-  // A link is of another policy.
-  if (location.hash) history.replaceState(null, "", location.pathname + location.search);
+  training?.leave();
+  policy.leaveLink();
   use(id);
 });
 const training = asked.training === null ? null : follow(asked.training);
@@ -212,7 +212,7 @@ function receive(message: FromWorker): void {
     case "object":
       if (!situation.loaded(message)) break;
       view?.showObject(message);
-      objects.select(message);
+      objects.select(message, situation.file);
       if (situation.file && situation.told) uploads.loaded(situation.file, situation.told);
       report.show(message.report);
       attempt.hasObject(message.tally);
@@ -348,16 +348,16 @@ function restart(): void {
   inside.ask();
 }
 
-function use(model: string): void {
+function use(model: string, gently = false): void {
   wanted = model;
   failures.close(NOT_FETCHED);
-  engine.greet(useModel(model));
+  engine.greet(useModel(model, gently));
 }
 
 function follow(job: string): Training {
   // The attempt begins again by itself, unless motion is unwelcome.
   const grasp = () => void (isCalm || attempt.grasp());
-  return new Training(job, { isFree: () => !batch.isRunning, use, grasp });
+  return new Training(job, { use: (model) => use(model, true), grasp });
 }
 
 function load(object: string): void {
@@ -367,12 +367,12 @@ function load(object: string): void {
 
 // What stands on the table keeps its place in the list.
 function refuse(file: File | null): void {
-  if (file) objects.refuse(file.name);
+  if (file) objects.refuse(file);
 }
 
 // The same of one that nobody waits for any more.
 function giveUp(file: File | null): void {
-  if (file) objects.giveUp(file.name);
+  if (file) objects.giveUp(file);
 }
 
 // A link that is followed here begins as on a page of its own.

@@ -35,8 +35,8 @@ export type ToWorker =
   | { kind: "load"; object: string }
   // A mesh, or a demonstration or a recorded attempt (JSON).
   | ({ kind: "upload"; fileName: string; bytes: ArrayBuffer } & Told)
-  // Act by the model of this id; base is where the page lies.
-  | { kind: "model"; id: string; base: string }
+  // Act by the model of this id, gently: unless something is under way when it has come; base is where the page lies.
+  | { kind: "model"; id: string; base: string; gently: boolean }
   | { kind: "place"; pose: PlanarPose }
   // The pose that an attempt with this seed draws.
   | { kind: "randomPose"; seed: number }

@@ -22,9 +22,12 @@ export class Shelf {
     return this.#kept();
   }
 
-  // The last of a name counts; of too many, the first ones brought make room.
+  // The last of a name counts; of too many, the first ones brought make room. What is said of a file later does not make
+  // it a newer one.
   async keep(file: File, told?: Told): Promise<void> {
-    await this.#change((meshes) => meshes.put({ file, at: Date.now(), ...(told && { told }) } satisfies Kept, file.name));
+    const before = told && (await this.#kept()).find((kept) => kept.file.name === file.name);
+    const at = before?.at ?? Date.now();
+    await this.#change((meshes) => meshes.put({ file, at, ...(told && { told }) } satisfies Kept, file.name));
     const kept = await this.#kept();
     for (const { file } of kept.slice(0, Math.max(0, kept.length - MOST))) await this.forget(file.name);
   }

@@ -5,8 +5,9 @@ import { element } from "../common/dom";
 import type { Frame, Model } from "./protocol";
 import { TRAINING } from "./strings";
 
-// From a verdict to the next policy (ms), long enough to be seen.
+// From a verdict to the next policy, long enough to be seen, and to the next try where nobody answers (ms).
 const PAUSE = 2500;
+const AGAIN = 3000;
 
 interface Checkpoint {
   step: number;
@@ -14,8 +15,7 @@ interface Checkpoint {
 }
 
 export interface TrainingEvents {
-  // Whether another policy may act now, as far as others are concerned.
-  isFree(): boolean;
+  // This one is to act, unless something is under way when it has come.
   use(model: string): void;
   grasp(): void;
 }
@@ -57,6 +57,11 @@ export class Training {
     const source = new EventSource(new URL("stream", API));
     this.#source = source;
     source.onopen = () => void this.#catchUp();
+    source.onerror = () => {
+      if (source.readyState !== EventSource.CLOSED || this.#source !== source) return;
+      this.#source = null;
+      setTimeout(() => this.#listen(), AGAIN);
+    };
     for (const type of ["checkpoint", "status"]) {
       source.addEventListener(type, ({ data }) => {
         if ((JSON.parse(data) as { job: string }).job === this.#job) void this.#catchUp();
@@ -84,11 +89,17 @@ export class Training {
     this.#go();
   }
 
+  // Somebody has chosen another policy, and wants to keep it.
+  leave(): void {
+    this.#box.checked = false;
+    this.#awaited = null;
+  }
+
   // An attempt that is under way, or has just ended, is not cut short.
   showFrame({ phase }: Frame): void {
     if (phase !== "idle" && phase !== "verdict") {
       clearTimeout(this.#timer);
-      [this.#timer, this.#isIdle] = [0, false];
+      [this.#timer, this.#isIdle, this.#awaited] = [0, false, null];
     } else if (!this.#timer) {
       this.#timer = window.setTimeout(() => {
         this.#isIdle = true;
@@ -99,17 +110,15 @@ export class Training {
 
   hasModel({ id }: Model): void {
     const isOurs = id !== null && id === this.#awaited;
-    // Whoever chooses another policy wants to keep it.
-    if (this.#acts !== null && id !== this.#acts && !isOurs) this.#box.checked = false;
     [this.#acts, this.#awaited] = [id, null];
     this.#tell();
-    if (isOurs) this.#events.grasp();
+    if (isOurs && this.#isIdle) this.#events.grasp();
   }
 
   #go(): void {
     const { step, model_id: id } = this.#newest ?? { step: 0, model_id: null };
     const isNews = this.#before !== null && step > this.#before && ![this.#acts, this.#awaited].includes(id);
-    if (!id || !isNews || !this.#acts || !this.#isIdle || !this.#box.checked || !this.#events.isFree()) return;
+    if (!id || !isNews || !this.#acts || !this.#isIdle || !this.#box.checked) return;
     this.#awaited = id;
     this.#events.use(id);
   }

@@ -165,7 +165,7 @@ export const FORM = {
   about: (duration: string) => `about ${duration}`,
   disk: (size: string) => `${size} of disk`,
   takes: (parts: string[]) => `It takes ${parts.join(" and ")}.`,
-  tokenFirst: "The server asks for its token when you begin; how long it takes, it tells with the token only.",
+  tokenFirst: "The server asks for its token when you begin; without the token it makes no estimate.",
   planner: "planner: knows the object, plans a grasp of its own",
   step: (step: string) => `step ${step}`,
 } as const;

@@ -43,11 +43,11 @@ export class BatchPanel {
   constructor(events: BatchEvents) {
     this.#events = events;
     this.#places = new Places((seed) => events.replay(seed));
-    this.#button.addEventListener("click", () => (this.isRunning ? events.send({ kind: "cancel" }) : this.#begin()));
+    this.#button.addEventListener("click", () => (this.#isRunning ? events.send({ kind: "cancel" }) : this.#begin()));
     this.#csv.addEventListener("click", () => save("attempts.csv", new Blob([csv(this.#rows)], { type: "text/csv" })));
   }
 
-  get isRunning(): boolean {
+  get #isRunning(): boolean {
     return this.#rows.some(({ isOver }) => !isOver);
   }
 
@@ -87,12 +87,12 @@ export class BatchPanel {
     row.isOver = true;
     this.#show();
     // Whoever does not see how they stand is told once.
-    if (!this.isRunning) element("announcement", HTMLElement).textContent = this.#beside.textContent;
+    if (!this.#isRunning) element("announcement", HTMLElement).textContent = this.#beside.textContent;
   }
 
   // Another object or policy: what was counted is not about it.
   clear(): void {
-    if (this.isRunning) this.#events.send({ kind: "cancel" });
+    if (this.#isRunning) this.#events.send({ kind: "cancel" });
     this.#forget();
     this.#show();
   }
@@ -105,8 +105,8 @@ export class BatchPanel {
 
   #show(): void {
     const [first, second] = this.#rows;
-    this.#button.textContent = this.isRunning ? BATCH.stop : BATCH.run;
-    this.#bar.hidden = !this.isRunning;
+    this.#button.textContent = this.#isRunning ? BATCH.stop : BATCH.run;
+    this.#bar.hidden = !this.#isRunning;
     this.#bar.max = this.#wanted * this.#rows.length;
     this.#bar.value = this.#rows.reduce((sum, { attempted }) => sum + attempted.length, 0);
     this.#words.textContent = first && first.attempted.length > 0 ? told(first) : "";

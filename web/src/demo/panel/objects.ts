@@ -22,8 +22,8 @@ export interface ObjectEvents {
 interface Brought {
   file: File;
   choice: HTMLLabelElement;
-  // Whether the browser's store has it, too.
-  isKept: boolean;
+  // Whether the browser's store has it, too, or is to have it once it has been read.
+  isKept: boolean | "later";
   // Whether it has been read, now or on an earlier visit.
   wasRead: boolean;
   // The one of its name whose place it takes once it has been read.
@@ -41,7 +41,8 @@ export class ObjectPicker {
   readonly #files = new Map<string, Brought>();
   // What is drawn before a name.
   readonly #shapes = new WeakMap<HTMLElement, Shape>();
-  #selected: [string | null, string] = [null, ""];
+  // The name of a built-in object, or the file.
+  #selected: string | File | null = null;
   #first = "";
 
   constructor(events: ObjectEvents) {
@@ -57,7 +58,7 @@ export class ObjectPicker {
       if (files.length > 0) void this.#take(files);
     });
     this.#remove.addEventListener("click", () => {
-      this.#drop(this.#selected[1]);
+      if (this.#selected instanceof File) this.#forget(this.#selected.name);
       this.#events.load(this.#first);
     });
     this.#acceptDrops();
@@ -83,25 +84,27 @@ export class ObjectPicker {
     this.#button.disabled = false;
   }
 
-  // Marks a built-in object, or else a file by its name, which is drawn now that its shape is known.
-  select({ name, label, shape }: Pick<ObjectLoaded, "name" | "label" | "shape">): void {
-    const file = name === null ? this.#files.get(label) : undefined;
-    if (file) {
-      this.#picture(file.choice, shape);
-      file.wasRead = true;
-      if (file.before?.isKept) {
-        file.isKept = true;
-        void this.#shelf.keep(file.file);
+  // Marks a built-in object, or else the file, which is drawn now that its shape is known.
+  select({ name, label, shape }: Pick<ObjectLoaded, "name" | "label" | "shape">, stands: File | null): void {
+    // What plays may bring another object than the file.
+    const file = stands?.name === label ? stands : null;
+    const brought = file && this.#find(file);
+    if (brought) {
+      this.#picture(brought.choice, shape);
+      brought.wasRead = true;
+      if (brought.isKept === "later") {
+        brought.isKept = true;
+        void this.#shelf.keep(brought.file);
       }
-      file.before = null;
+      brought.before = null;
     }
-    this.#mark(name, label);
+    this.#mark(name ?? file);
   }
 
-  #mark(name: string | null, label: string): void {
-    this.#selected = [name, label];
-    for (const input of this.#list.querySelectorAll("input")) input.checked = input.value === name;
-    const file = name === null ? this.#files.get(label) : undefined;
+  #mark(selected: string | File | null): void {
+    this.#selected = selected;
+    const file = selected instanceof File ? this.#find(selected) : null;
+    for (const input of this.#list.querySelectorAll("input")) input.checked = input.value === selected;
     if (file) file.choice.querySelector("input")!.checked = true;
     this.#remove.hidden = !file;
   }
@@ -112,26 +115,31 @@ export class ObjectPicker {
 
   // What was said of a file is kept with it.
   correct(file: File, told: Told): void {
-    if (this.#files.get(file.name)?.isKept) void this.#shelf.keep(file, told);
+    if (this.#find(file)?.isKept === true) void this.#shelf.keep(file, told);
   }
 
-  // Puts a file into the list.
-  add(file: File, isKept = false, wasRead = false): void {
-    const before = this.#lastRead(file.name);
-    this.#files.get(file.name)?.choice.remove();
+  // Puts a file into the list, in the place of one of its name, which comes back if this one cannot be read.
+  add(file: File, isKept: boolean | "later" = false, wasRead = false): void {
+    const before = this.#files.get(file.name) ?? null;
+    before?.choice.remove();
     const choice = this.#choice(`file:${file.name}`, file.name, () => this.#events.upload(file));
     this.#put({ file, choice, isKept, wasRead, before });
-  }
-
-  // What was of use last of those of a name.
-  #lastRead(fileName: string): Brought | null {
-    const last = this.#files.get(fileName);
-    return last?.wasRead ? last : (last?.before ?? null);
   }
 
   #put(brought: Brought): void {
     this.#files.set(brought.file.name, brought);
     this.#button.before(brought.choice);
+  }
+
+  // A file and those of its name that it is to take the place of, the last one first.
+  #all(fileName: string): Brought[] {
+    const all = [];
+    for (let one = this.#files.get(fileName) ?? null; one; one = one.before) all.push(one);
+    return all;
+  }
+
+  #find(file: File): Brought | null {
+    return this.#all(file.name).find((one) => one.file === file) ?? null;
   }
 
   // Nobody who could read is there.
@@ -143,25 +151,34 @@ export class ObjectPicker {
     this.#list.disabled = false;
   }
 
-  // Takes a file that is of no use from the list; what stood there still does, and so does one of its name that was of
-  // use before.
-  refuse(fileName: string): void {
-    this.#drop(fileName);
-    this.#mark(...this.#selected);
+  // Takes a file that is of no use from the list; what stood there still does, and so does one of its name before it.
+  refuse(file: File): void {
+    const refused = this.#find(file);
+    if (refused) {
+      const after = this.#all(file.name).find(({ before }) => before === refused);
+      if (after) after.before = refused.before;
+      else {
+        refused.choice.remove();
+        this.#files.delete(file.name);
+        if (refused.before) this.#put(refused.before);
+      }
+      if (refused.isKept === true) void this.#shelf.forget(file.name);
+    }
+    this.#mark(this.#selected);
   }
 
   // The same with one that is no longer waited for, but for what has been of use before.
-  giveUp(fileName: string): void {
-    if (!this.#files.get(fileName)?.wasRead) this.#drop(fileName);
-    this.#mark(...this.#selected);
+  giveUp(file: File): void {
+    if (!this.#find(file)?.wasRead) this.refuse(file);
+    this.#mark(this.#selected);
   }
 
-  #drop(fileName: string): void {
-    const file = this.#files.get(fileName);
-    file?.choice.remove();
+  // Nothing of this name is there any more.
+  #forget(fileName: string): void {
+    const all = this.#all(fileName);
+    for (const { choice } of all) choice.remove();
     this.#files.delete(fileName);
-    if (file?.isKept) void this.#shelf.forget(fileName);
-    if (file?.before) this.#put(file.before);
+    if (all.some(({ isKept }) => isKept === true)) void this.#shelf.forget(fileName);
   }
 
   // What was brought on an earlier visit, but for what has been brought again since.
@@ -188,9 +205,9 @@ export class ObjectPicker {
     // What plays brings its own object.
     for (const file of files) {
       if (plays(file.name)) continue;
-      const isKept = !this.#lastRead(file.name)?.isKept;
-      this.add(file, isKept);
-      if (isKept) void this.#shelf.keep(file);
+      const waits = this.#all(file.name).some(({ isKept }) => isKept === true);
+      this.add(file, waits ? "later" : true);
+      if (!waits) void this.#shelf.keep(file);
     }
     const [first] = files;
     if (first) this.#events.upload(first);

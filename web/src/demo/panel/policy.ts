@@ -14,6 +14,14 @@ export class PolicyPicker {
     this.#choice.addEventListener("change", () => choose(this.#choice.value));
   }
 
+  // The address no longer asks for what a link or a training brought.
+  leaveLink(): void {
+    const address = new URL(location.href);
+    address.searchParams.delete("training");
+    address.hash = "";
+    history.replaceState(null, "", address);
+  }
+
   // Who acts now: where another one could not be had, the one before still does. None is chosen while the planner acts.
   show(id: string | null): void {
     if (id === null) {
