@@ -140,7 +140,7 @@ test("a training is watched, stopped, gone on with, compared, and tried in the d
   await demo.selectOption("#policy", "default");
   await demo.waitForFunction(() => document.getElementById("model").textContent === 'Policy "default" acts.');
   assert.equal(await demo.isChecked("#training-follow"), false);
-  // Two more are written, and after an attempt of it, too, it is still there.
+  // Two more are written, and it is still there.
   for (let k = 0; k < 2; k += 1) {
     const newest = await demo.textContent("#training-words");
     await demo.waitForFunction((newest) => document.getElementById("training-words").textContent !== newest, newest);
