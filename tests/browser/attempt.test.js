@@ -90,8 +90,9 @@ test("a recording goes on to its verdict though the policy comes meanwhile, and 
   await page.goto(served.address);
   await page.waitForFunction(() => document.getElementById("model").textContent.startsWith("Policy"));
   await page.selectOption("#speed", "4");
-  // The announcement stays until the next verdict.
-  await page.waitForFunction(() => document.getElementById("announcement").textContent !== "");
+  assert.equal(await page.textContent("#announcement"), 'Policy "default" acts.');
+  // What is announced stays until the next verdict.
+  await page.waitForFunction(() => document.getElementById("announcement").textContent.endsWith("lifted."));
   assert.match(await page.textContent("#announcement"), / 0 of 0 lifted\.$/, "a recording does not count");
   await page.waitForFunction(() => document.getElementById("hash").textContent.startsWith("Seed 0 ended"));
   assert.match(await page.textContent("#tally"), /^[01] of 1 lifted$/);
