@@ -6,7 +6,7 @@ import { mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
-import { blank, open, program, root, screenshot, untilReady, visit } from "./chromium.js";
+import { barriers, blank, open, program, root, screenshot, untilReady, visit } from "./chromium.js";
 import { BOX } from "./meshes.js";
 
 let served;
@@ -175,6 +175,16 @@ test("twenty attempts in a row are counted, and end as one by one", async () => 
   assert.equal(await page.locator("#batch-failures li").count(), 20 - lifts);
   await page.locator("#places-map g").nth(5).click();
   await page.waitForFunction(() => document.getElementById("seed").value === "105");
+  // The same as a table, by keyboard.
+  await page.focus("#attempts-all summary");
+  await page.keyboard.press("Enter");
+  assert.equal(await page.locator("#attempts-rows tr").count(), 20);
+  assert.equal(await page.locator("#attempts-rows .is-failed").count(), 20 - lifts);
+  await page.focus("#attempts-rows button[aria-label='Watch seed 107']");
+  await screenshot(page, "batch-table");
+  assert.deepEqual(await barriers(page), []);
+  await page.keyboard.press("Enter");
+  await page.waitForFunction(() => document.getElementById("seed").value === "107");
   // Another row can be stopped.
   await page.selectOption("#batch-count", "100");
   await page.click("#batch-run");

@@ -39,6 +39,7 @@ export const BATCH = {
   stop: "Stop",
   ended: (seed: number, words: string) => `Seed ${seed}: ${words}`,
   watch: "Watch",
+  watchSeed: (seed: number) => `Watch seed ${seed}`,
   of: (name: string, counted: string) => `${name}: ${counted}`,
   alone: (first: string, a: number, second: string, b: number, both: number) =>
     `Of the ${both} that both tried, ${first} alone lifted ${a}, ${second} alone ${b}.`,

@@ -5,6 +5,7 @@ import { outOf } from "../../common/strings";
 import { save } from "../save";
 import type { Attempted, Rectangle, ToWorker } from "../protocol";
 import { BATCH } from "../strings";
+import { AttemptTable } from "./attempts";
 import { Places } from "./places";
 
 export interface BatchEvents {
@@ -34,6 +35,7 @@ export class BatchPanel {
   readonly #beside = element("batch-beside", HTMLElement);
   readonly #failures = element("batch-failures", HTMLUListElement);
   readonly #places: Places;
+  readonly #table: AttemptTable;
   // The policy that acts, and the one beside it, on the same seeds.
   #rows: Row[] = [];
   #wanted = 0;
@@ -43,6 +45,7 @@ export class BatchPanel {
   constructor(events: BatchEvents) {
     this.#events = events;
     this.#places = new Places((seed) => events.replay(seed));
+    this.#table = new AttemptTable((seed) => events.replay(seed));
     this.#button.addEventListener("click", () => (this.#isRunning ? events.send({ kind: "cancel" }) : this.#begin()));
     this.#csv.addEventListener("click", () => save("attempts.csv", new Blob([csv(this.#rows)], { type: "text/csv" })));
   }
@@ -76,6 +79,7 @@ export class BatchPanel {
     if (!own || row.run !== this.#run) return;
     own.attempted.push(row);
     if (who === 0) this.#places.add(row);
+    this.#table.add(row, this.#rows.length > 1 ? own.name : null);
     if (!row.lifted) this.#failures.append(this.#failure(own, row));
     this.#show();
   }
@@ -101,6 +105,7 @@ export class BatchPanel {
     this.#rows = [];
     this.#failures.replaceChildren();
     this.#places.clear();
+    this.#table.clear();
   }
 
   #show(): void {
