@@ -207,7 +207,7 @@ test("an engine that a browser does not understand is told, with what to do", as
   const card = await page.waitForSelector("[data-code=wasm_unsupported]");
   await screenshot(page, "unsupported");
   assert.ok((await card.textContent()).length > 40);
-  assert.ok(await page.isDisabled("#grasp"));
+  for (const button of ["#grasp", "#new-pose", "#search", "#batch-run", "#upload"]) assert.ok(await page.isDisabled(button), button);
   await page.close();
 });
 

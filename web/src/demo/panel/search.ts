@@ -36,6 +36,7 @@ export class SearchPanel {
   // Another object: what was found is not of it.
   clear(): void {
     this.#grasps = null;
+    this.#button.disabled = this.#events.now().length === 0;
     this.#stop(SEARCH.hint);
   }
 
