@@ -141,6 +141,10 @@ test("a folder is dropped, and every format in it is read", async (t) => {
   await page.waitForSelector("#drop", { state: "visible" });
   await session.send("Input.dispatchDragEvent", { type: "drop", x: 400, y: 300, data });
   await page.waitForSelector("#drop", { state: "hidden" });
+  // The same folder by its button changes nothing.
+  const [chooser] = await Promise.all([page.waitForEvent("filechooser"), page.click("#upload-folder")]);
+  await chooser.setFiles(folder);
+  await page.waitForFunction(() => document.querySelectorAll("#objects [value^='file:']").length === 5);
   for (const name of Object.keys(meshes)) {
     await page.click("#objects label:has-text('Sugar box')");
     await page.waitForFunction(() => document.getElementById("report-size").textContent === "4.9 × 9.4 × 17.6 cm");

@@ -34,7 +34,7 @@ export class ObjectPicker {
   readonly #events: ObjectEvents;
   readonly #list = element("objects", HTMLFieldSetElement);
   readonly #button = element("upload", HTMLButtonElement);
-  readonly #input = element("file", HTMLInputElement);
+  readonly #folderButton = element("upload-folder", HTMLButtonElement);
   readonly #remove = element("remove", HTMLButtonElement);
   readonly #shelf = new Shelf();
   // By name: the last of a name counts.
@@ -47,12 +47,10 @@ export class ObjectPicker {
 
   constructor(events: ObjectEvents) {
     this.#events = events;
-    this.#button.addEventListener("click", () => this.#input.click());
-    this.#input.addEventListener("change", () => {
-      void this.#take([...(this.#input.files ?? [])]);
-      // So that the same file can be chosen again.
-      this.#input.value = "";
-    });
+    this.#chooseBy(this.#button, element("file", HTMLInputElement));
+    // Where no folder can be chosen, as on some phones, it is not offered.
+    this.#folderButton.hidden = !("webkitdirectory" in HTMLInputElement.prototype);
+    this.#chooseBy(this.#folderButton, element("folder", HTMLInputElement));
     addEventListener("paste", ({ clipboardData }) => {
       const files = [...(clipboardData?.files ?? [])];
       if (files.length > 0) void this.#take(files);
@@ -82,6 +80,16 @@ export class ObjectPicker {
       first.before(choice);
     }
     this.#button.disabled = false;
+    this.#folderButton.disabled = false;
+  }
+
+  #chooseBy(button: HTMLButtonElement, input: HTMLInputElement): void {
+    button.addEventListener("click", () => input.click());
+    input.addEventListener("change", () => {
+      void this.#take([...(input.files ?? [])]);
+      // So that the same file can be chosen again.
+      input.value = "";
+    });
   }
 
   // Marks a built-in object, or else the file, which is drawn now that its shape is known.
