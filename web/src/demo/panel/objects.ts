@@ -48,8 +48,10 @@ export class ObjectPicker {
   constructor(events: ObjectEvents) {
     this.#events = events;
     this.#chooseBy(this.#button, element("file", HTMLInputElement));
-    // Where no folder can be chosen, as on some phones, it is not offered.
-    this.#folderButton.hidden = !("webkitdirectory" in HTMLInputElement.prototype);
+    // Where no folder can be chosen, as on some phones, it can be dropped.
+    const canChoose = "webkitdirectory" in HTMLInputElement.prototype;
+    this.#folderButton.hidden = !canChoose;
+    element("folder-as-words", HTMLElement).hidden = canChoose;
     this.#chooseBy(this.#folderButton, element("folder", HTMLInputElement));
     addEventListener("paste", ({ clipboardData }) => {
       const files = [...(clipboardData?.files ?? [])];
