@@ -7,26 +7,11 @@ import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
 import { fileURLToPath } from "node:url";
-import { blank, open, program, screenshot, untilReady, visit } from "./chromium.js";
+import { blank, grasp, open, program, screenshot, untilReady, visit } from "./chromium.js";
 
 let served;
 before(async () => (served = await open()));
 after(() => served?.close());
-
-async function grasp(page, seed) {
-  await page.fill("#seed", String(seed));
-  await page.press("#seed", "Enter");
-  // What an earlier attempt came to is no answer.
-  await page.evaluate(() => (document.getElementById("hash").title = ""));
-  await page.click("#grasp");
-  await page.waitForFunction(() => document.getElementById("hash").title !== "");
-  assert.ok((await page.textContent("#hash")).startsWith(`Seed ${seed} ended`), "the pose is the seed's");
-  return {
-    words: await page.textContent("#headline"),
-    hash: await page.getAttribute("#hash", "title"),
-    tally: await page.textContent("#tally"),
-  };
-}
 
 test("the sugar box gets a verdict, and the same seed the same end", async () => {
   const { page } = await visit(served);

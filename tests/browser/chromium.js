@@ -116,6 +116,24 @@ export async function untilReady(page) {
   await page.waitForSelector("#grasp:enabled");
 }
 
+// The attempt of a seed, as fast as it goes: what it came to, the hash of its final state, and the count.
+export async function grasp(page, seed) {
+  await page.fill("#seed", String(seed));
+  await page.press("#seed", "Enter");
+  await page.selectOption("#speed", "4");
+  // What an earlier attempt came to is no answer.
+  await page.evaluate(() => (document.getElementById("hash").title = ""));
+  await page.click("#grasp");
+  await page.waitForFunction(() => document.getElementById("hash").title !== "");
+  const said = await page.textContent("#hash");
+  if (!said.startsWith(`Seed ${seed} ended`)) throw new Error(`the pose is not the seed's: ${said}`);
+  return {
+    words: await page.textContent("#headline"),
+    hash: await page.getAttribute("#hash", "title"),
+    tally: await page.textContent("#tally"),
+  };
+}
+
 // Runs in the page: a point where the pointer could grab the object.
 export function findObject() {
   const canvas = document.getElementById("view");

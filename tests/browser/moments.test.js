@@ -6,7 +6,7 @@ import { mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
-import { barriers, blank, open, program, root, screenshot, untilReady, visit } from "./chromium.js";
+import { barriers, blank, grasp, open, program, root, screenshot, untilReady, visit } from "./chromium.js";
 import { BOX } from "./meshes.js";
 
 let served;
@@ -17,17 +17,6 @@ function cube(side) {
   const corners = [0, 1, 2, 3, 4, 5, 6, 7].map((k) => `v ${[k & 1, (k >> 1) & 1, (k >> 2) & 1].map((bit) => bit * side).join(" ")}`);
   const faces = ["1 3 4 2", "5 6 8 7", "1 2 6 5", "3 7 8 4", "1 5 7 3", "2 4 8 6"].map((face) => `f ${face}`);
   return { name: "cube.obj", mimeType: "model/obj", buffer: Buffer.from([...corners, ...faces].join("\n")) };
-}
-
-// The verdict of the attempt of a seed, as fast as it goes.
-async function grasp(page, seed) {
-  await page.fill("#seed", String(seed));
-  await page.press("#seed", "Enter");
-  await page.selectOption("#speed", "4");
-  await page.evaluate(() => (document.getElementById("hash").title = ""));
-  await page.click("#grasp");
-  await page.waitForFunction(() => document.getElementById("hash").title !== "");
-  return { words: await page.textContent("#headline"), hash: await page.getAttribute("#hash", "title") };
 }
 
 test("the slider shows any moment again, and playing goes on from there", async () => {
