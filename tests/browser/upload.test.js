@@ -5,6 +5,7 @@ import { mkdirSync, mkdtempSync, rmSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
+import { setTimeout } from "node:timers/promises";
 import { deflateRawSync } from "node:zlib";
 import { open, screenshot, untilReady, visit } from "./chromium.js";
 import { BOX, bottle, gltf, others } from "./meshes.js";
@@ -15,6 +16,23 @@ after(() => served?.close());
 
 function file(name, text) {
   return { name, mimeType: "application/octet-stream", buffer: Buffer.from(text) };
+}
+
+// What is kept comes to the browser's store, and goes from it, a moment after the page shows it.
+async function untilKept(page, name, holds) {
+  const kept = () =>
+    page.evaluate(async (name) => {
+      const answer = (request) => new Promise((resolve) => (request.onsuccess = () => resolve(request.result)));
+      const database = await answer(indexedDB.open("ngf-grasp"));
+      const one = await answer(database.transaction("meshes").objectStore("meshes").get(name));
+      database.close();
+      return one && { told: one.told, text: await one.file.text() };
+    }, name);
+  for (const until = Date.now() + 30_000; Date.now() < until; await setTimeout(50)) {
+    const one = await kept();
+    if (holds(one)) return;
+  }
+  assert.fail(`the store does not say of ${name} what it should`);
 }
 
 test("a mesh is read, measured, and its unit set right", async () => {
@@ -248,6 +266,7 @@ test("a file that cannot be read leaves the one of its name, and one that can ta
   await page.setInputFiles("#file", file("box.obj", BOX.replaceAll("120", "80")));
   await height("8.0");
   assert.equal(await page.locator(brought).count(), 1);
+  await untilKept(page, "box.obj", (kept) => kept?.text.includes("80"));
   await page.reload();
   await untilReady(page);
   await again("8.0");
@@ -270,6 +289,7 @@ test("what was said of a mesh holds on the next visit", async () => {
   await page.waitForFunction(() => document.getElementById("report-mass").textContent === "250 g");
   await page.selectOption("#sides", "0");
   await page.waitForFunction(() => document.getElementById("report-size").textContent.endsWith("× 4.0 cm"));
+  await untilKept(page, "box.obj", (kept) => kept?.told?.stands?.on === 0);
   await page.reload();
   await untilReady(page);
   await page.click("#objects label:has-text('box.obj')");
@@ -287,6 +307,8 @@ test("a mesh is there on the next visit, until it is removed", async () => {
   await page.waitForSelector(`${brought}:checked`);
   await page.click("#objects label:has-text('bad.obj')");
   await page.waitForSelector('.failure:has-text("bad.obj")');
+  await untilKept(page, "box.obj", (kept) => kept);
+  await untilKept(page, "bad.obj", (kept) => !kept);
   await page.reload();
   await untilReady(page);
   await page.waitForSelector(brought, { state: "attached" });
@@ -299,6 +321,7 @@ test("a mesh is there on the next visit, until it is removed", async () => {
   await page.waitForFunction(() => document.getElementById("report-size").textContent !== "4.0 × 6.0 × 12.0 cm");
   assert.equal(await page.locator(brought).count(), 0);
   assert.ok(await page.isHidden("#remove"));
+  await untilKept(page, "box.obj", (kept) => !kept);
   await page.reload();
   await untilReady(page);
   await page.waitForTimeout(500);

@@ -19,36 +19,34 @@ export class Shelf {
 
   // Those that are kept, the first one brought first.
   async files(): Promise<Kept[]> {
-    return this.#kept();
-  }
-
-  // The last of a name counts; of too many, the first ones brought make room. What is said of a file later does not make
-  // it a newer one.
-  async keep(file: File, told?: Told): Promise<void> {
-    const before = told && (await this.#kept()).find((kept) => kept.file.name === file.name);
-    const at = before?.at ?? Date.now();
-    await this.#change((meshes) => meshes.put({ file, at, ...(told && { told }) } satisfies Kept, file.name));
-    const kept = await this.#kept();
-    for (const { file } of kept.slice(0, Math.max(0, kept.length - MOST))) await this.forget(file.name);
-  }
-
-  async forget(fileName: string): Promise<void> {
-    await this.#change((meshes) => meshes.delete(fileName));
-  }
-
-  async #kept(): Promise<Kept[]> {
     const database = await this.#database;
     if (!database) return [];
     const kept = await answer<Kept[]>(database.transaction(MESHES).objectStore(MESHES).getAll()).catch(() => []);
     return kept.sort((a, b) => a.at - b.at);
   }
 
+  // The last of a name counts; of too many, the first ones brought make room. What is said of a file later does not make
+  // it a newer one.
+  async keep(file: File, told?: Told): Promise<void> {
+    await this.#change(async (meshes) => {
+      const before = told && (await answer<Kept | undefined>(meshes.get(file.name)));
+      const at = before?.at ?? Date.now();
+      await answer(meshes.put({ file, at, ...(told && { told }) } satisfies Kept, file.name));
+    });
+    const kept = await this.files();
+    for (const { file } of kept.slice(0, Math.max(0, kept.length - MOST))) await this.forget(file.name);
+  }
+
+  async forget(fileName: string): Promise<void> {
+    await this.#change((meshes) => answer(meshes.delete(fileName)));
+  }
+
   // What a full store does not take is there until the page is left.
-  async #change(act: (meshes: IDBObjectStore) => IDBRequest): Promise<void> {
+  async #change(act: (meshes: IDBObjectStore) => Promise<unknown>): Promise<void> {
     const database = await this.#database;
     if (!database) return;
     try {
-      await answer(act(database.transaction(MESHES, "readwrite").objectStore(MESHES)));
+      await act(database.transaction(MESHES, "readwrite").objectStore(MESHES));
     } catch (error) {
       console.info("not kept:", error);
     }
