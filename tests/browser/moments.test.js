@@ -195,7 +195,7 @@ test("two policies are counted on the same seeds", async () => {
   await page.waitForFunction(() => document.getElementById("batch-run").textContent === "Run");
   assert.match(await page.textContent("#batch-words"), /^\d+ of 20$/);
   const beside = await page.textContent("#batch-beside");
-  assert.match(beside, /^default: \d+ of 20, mlp-pcd: \d+ of 20\. Of the 20 that both tried, default alone lifted \d+, mlp-pcd alone \d+\.$/);
+  assert.match(beside, /^default: \d+ of 20 \([\d.]+ % to \d+ %\), mlp-pcd: \d+ of 20 \([\d.]+ % to \d+ %\)\. Of the 20 that both tried, default alone lifted \d+, mlp-pcd alone \d+\.$/);
   const [download] = await Promise.all([page.waitForEvent("download"), page.click("#batch-csv")]);
   const rows = readFileSync(await download.path(), "utf8").trim().split("\n").slice(1).map((line) => line.split(","));
   const lifted = (name) => rows.filter((row) => row[0] === name).map((row) => row[5] === "true");
@@ -212,7 +212,7 @@ test("two policies are counted on the same seeds", async () => {
   assert.equal(await page.textContent("#batch-run"), "Run");
   await page.click("#batch-run");
   await page.waitForFunction(() => document.getElementById("batch-run").textContent === "Run");
-  assert.match(await page.textContent("#batch-beside"), /^default: \d+ of 20, mlp-pcd: \d+ of 20\. Of the 20 /);
+  assert.match(await page.textContent("#batch-beside"), /^default: \d+ of 20 \(.*\), mlp-pcd: \d+ of 20 \(.*\)\. Of the 20 /);
   // What ends the second ends its share of the row.
   await page.click("#batch-run");
   await page.waitForFunction(() => /mlp-pcd: [12] of/.test(document.getElementById("batch-beside").textContent));

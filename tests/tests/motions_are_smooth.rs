@@ -10,7 +10,8 @@ use grasps::place::random_pose;
 use grasps::{Robot, Setting};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
-use robot::JointVector;
+use robot::integrator;
+use scene::config::CONTROL_PERIOD;
 
 const OBJECTS: [&str; 2] = ["sugar_box", "bleach"];
 
@@ -46,13 +47,6 @@ fn a_grasp_has_neighbouring_postures_for_neighbouring_poses() {
     }
 }
 
-/// Root mean square of the joint jerk (rad/s³), norm over all joints.
-fn jerk(accelerations: &[JointVector]) -> f64 {
-    let steps = accelerations.windows(2).map(|pair| (pair[1] - pair[0]).norm_squared());
-    let (sum, count) = steps.fold((0.0, 0), |(sum, count), step| (sum + step, count + 1));
-    f64::sqrt(sum / f64::from(count)) * 30.0
-}
-
 #[test]
 fn motions_arrive_where_the_arm_can_and_do_not_tremble() {
     let robot = Robot::standard().unwrap();
@@ -76,7 +70,9 @@ fn motions_arrive_where_the_arm_can_and_do_not_tremble() {
                 in_reach += 1;
                 arrived += usize::from(found.as_ref().is_ok_and(|found| found.miss.is_arrival()));
             }
-            jerks.extend(found.map(|found| jerk(&found.accelerations[..found.touch])));
+            jerks.extend(found.map(|found| {
+                integrator::jerk(&found.accelerations[..found.touch], CONTROL_PERIOD)
+            }));
         }
         jerks.sort_by(f64::total_cmp);
         let (median, greatest) = (jerks[jerks.len() / 2], jerks[jerks.len() - 1]);

@@ -2,6 +2,7 @@
 
 use crate::protocol::Attempted;
 use crate::stage::Stage;
+use crate::statistics::Tally;
 use rollout::{Attempt, RolloutError};
 
 /// Attempts of seeds one after another with what stands on the stage.
@@ -9,13 +10,15 @@ pub(crate) struct Batch {
     run: u32,
     seed: u32,
     left: u32,
+    /// Its attempts so far.
+    tally: Tally,
     current: Option<Attempt>,
 }
 
 impl Batch {
     /// So many, from this seed on.
     pub(crate) fn new(run: u32, seed: u32, attempts: u32) -> Self {
-        Self { run, seed, left: attempts, current: None }
+        Self { run, seed, left: attempts, tally: Tally::default(), current: None }
     }
 
     /// Its number.
@@ -38,7 +41,8 @@ impl Batch {
         };
         attempt.tick(&stage.workcell);
         let Some(verdict) = attempt.verdict() else { return Ok(None) };
-        let told = stage.attempted(self.run, attempt, verdict);
+        self.tally.count(verdict.is_lifted());
+        let told = stage.attempted(self.run, self.tally, attempt, verdict);
         self.current = None;
         self.seed = self.seed.wrapping_add(1);
         self.left -= 1;

@@ -21,28 +21,6 @@ pub(crate) struct Pull {
     pub(crate) towards: [f32; 3],
 }
 
-/// A unit of length that a file may be drawn in.
-#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Serialize)]
-pub(crate) enum Unit {
-    #[serde(rename = "m")]
-    Metre,
-    #[serde(rename = "cm")]
-    Centimetre,
-    #[serde(rename = "mm")]
-    Millimetre,
-    #[serde(rename = "in")]
-    Inch,
-}
-
-/// How an object stands.
-#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Serialize)]
-#[serde(rename_all = "camelCase")]
-pub(crate) enum Stands {
-    AsInFile,
-    /// On one of the sides that hold it, the steadiest being 0.
-    On(usize),
-}
-
 /// Where an object stands on the table.
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq, Serialize)]
 pub(crate) struct PlanarPose {

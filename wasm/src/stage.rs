@@ -240,6 +240,7 @@ impl Stage {
     pub(crate) fn attempted(
         &mut self,
         run: u32,
+        row: Tally,
         attempt: &Attempt,
         verdict: rollout::Verdict,
     ) -> Attempted {
@@ -255,6 +256,7 @@ impl Stage {
             words: verdict.words().to_owned(),
             time: attempt.ticks() as f64 * CONTROL_PERIOD,
             hash: attempt.state_hash(),
+            row,
             tally: attempts.tally(),
         }
     }

@@ -36,7 +36,7 @@ pub(crate) struct Tally {
 
 impl Tally {
     /// Counts one more attempt.
-    fn count(&mut self, is_lifted: bool) {
+    pub(crate) fn count(&mut self, is_lifted: bool) {
         self.attempts += 1;
         self.lifted += u32::from(is_lifted);
         self.interval = rollout::wilson95(self.lifted as usize, self.attempts as usize);

@@ -1,6 +1,6 @@
 //! Objects to grasp: built in, or from the bytes of a mesh file.
 
-use crate::protocol::{Failure, ObjectLoaded, Report, Shape, Stands, Unit};
+use crate::protocol::{Failure, ObjectLoaded, Report, Shape};
 use crate::statistics::Tally;
 use geometry::Vec3;
 use geometry::brought::{self, Because, Brought, DENSITY, MASSES, MassFrom, Told};
@@ -64,10 +64,10 @@ pub(crate) fn read(file_name: &str, bytes: &[u8], told: Told) -> Result<Loaded, 
         }
     })?;
     let report = Report {
-        unit: Some(Unit::of(found.unit.unit)),
+        unit: Some(found.unit.unit),
         reason: Some(format!("{}.", found.unit.reason)),
         sides: found.sides,
-        stands: Some(Stands::of(found.stands.0)),
+        stands: Some(found.stands.0),
         notes: notes(&found),
         ..report_of(&found.object, found.healing.watertight)
     };
@@ -165,46 +165,11 @@ fn notes(found: &Brought) -> Vec<String> {
     notes
 }
 
-impl Unit {
-    pub(crate) fn geometry(self) -> mesh::Unit {
-        match self {
-            Self::Metre => mesh::Unit::Metre,
-            Self::Centimetre => mesh::Unit::Centimetre,
-            Self::Millimetre => mesh::Unit::Millimetre,
-            Self::Inch => mesh::Unit::Inch,
-        }
-    }
-
-    fn of(unit: mesh::Unit) -> Self {
-        match unit {
-            mesh::Unit::Metre => Self::Metre,
-            mesh::Unit::Centimetre => Self::Centimetre,
-            mesh::Unit::Millimetre => Self::Millimetre,
-            mesh::Unit::Inch => Self::Inch,
-        }
-    }
-}
-
-impl Stands {
-    pub(crate) fn geometry(self) -> brought::Stands {
-        match self {
-            Self::AsInFile => brought::Stands::AsInFile,
-            Self::On(side) => brought::Stands::On(side),
-        }
-    }
-
-    fn of(stands: brought::Stands) -> Self {
-        match stands {
-            brought::Stands::AsInFile => Self::AsInFile,
-            brought::Stands::On(side) => Self::On(side),
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use geometry::brought::MOST_RESTS;
+    use geometry::brought::{MOST_RESTS, Stands};
+    use geometry::mesh::Unit;
     use wasm_bindgen_test::wasm_bindgen_test as test;
 
     /// A box of 40 x 60 x 120 as an OBJ file.
@@ -256,7 +221,7 @@ mod tests {
 
     #[test]
     fn the_unit_can_be_set_right() {
-        let told = Told { unit: Some(mesh::Unit::Centimetre), ..Told::default() };
+        let told = Told { unit: Some(Unit::Centimetre), ..Told::default() };
         let loaded = read("box.obj", BOX.as_bytes(), told).unwrap();
         assert!((loaded.report.extent_cm[2] - 120.0).abs() < 1e-3);
     }
@@ -265,8 +230,7 @@ mod tests {
     fn it_stands_and_weighs_as_is_said() {
         let loaded = read("box.obj", BOX.as_bytes(), Told::default()).unwrap();
         assert_eq!((loaded.report.stands, loaded.report.sides), (Some(Stands::AsInFile), 6));
-        let told =
-            Told { mass: Some(0.25), stands: Some(brought::Stands::On(0)), ..Told::default() };
+        let told = Told { mass: Some(0.25), stands: Some(Stands::On(0)), ..Told::default() };
         let loaded = read("box.obj", BOX.as_bytes(), told).unwrap();
         assert!((loaded.report.extent_cm[2] - 4.0).abs() < 1e-3, "{:?}", loaded.report.extent_cm);
         assert_eq!(loaded.object.mass, 0.25);
@@ -281,19 +245,15 @@ mod tests {
     #[test]
     fn what_is_too_wide_or_too_low_is_told() {
         let fits = |height: &str, unit| {
-            let told = Told {
-                unit: Some(unit),
-                stands: Some(brought::Stands::AsInFile),
-                ..Told::default()
-            };
+            let told = Told { unit: Some(unit), stands: Some(Stands::AsInFile), ..Told::default() };
             read("box.obj", BOX.replace("120", height).as_bytes(), told).unwrap().report.fits
         };
         assert!(
-            fits("30", mesh::Unit::Millimetre)
+            fits("30", Unit::Millimetre)
                 .ends_with("3.0 cm high: too low for the fingers to get hold of")
         );
-        assert!(fits("38", mesh::Unit::Millimetre).ends_with("gets round it"));
-        let wide = fits("12", mesh::Unit::Centimetre);
+        assert!(fits("38", Unit::Millimetre).ends_with("gets round it"));
+        let wide = fits("12", Unit::Centimetre);
         assert!(wide.contains("only a rim or an edge") && !wide.contains("too low"), "{wide}");
     }
 

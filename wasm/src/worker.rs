@@ -3,9 +3,7 @@
 use crate::batch::Batch;
 use crate::clock::Clock;
 use crate::fetch;
-use crate::protocol::{
-    Amount, Cloud, Failure, Frame, FromWorker, Model, Progress, Stands, ToWorker, Unit,
-};
+use crate::protocol::{Amount, Cloud, Failure, Frame, FromWorker, Model, Progress, ToWorker};
 use crate::stage::{Stage, cannot_begin};
 use crate::upload::{self, Loaded};
 use geometry::brought::Told;
@@ -141,11 +139,7 @@ impl Worker {
             }
             ToWorker::Upload { file_name, bytes, unit, mass_kg, stands } => {
                 post(&FromWorker::Progress(Progress::begin(format!("Reading {file_name}"))));
-                let told = Told {
-                    unit: unit.map(Unit::geometry),
-                    mass: mass_kg,
-                    stands: stands.map(Stands::geometry),
-                };
+                let told = Told { unit, mass: mass_kg, stands };
                 self.load(upload::read(&file_name, &bytes, told));
                 post(&FromWorker::Progress(Progress::end()));
             }

@@ -212,19 +212,12 @@ impl Attempt {
                 touch: found.touch,
                 restarts: found.restarts,
                 clearance: found.clearance,
-                jerk: jerk(found),
+                jerk: integrator::jerk(&found.accelerations[..found.touch], CONTROL_PERIOD) as f32,
                 miss: [found.miss.distance as f32, found.miss.angle as f32],
                 ..none
             },
         }
     }
-}
-
-/// Root mean square of the joint jerk (rad/s³) before `touch`.
-fn jerk(found: &Demonstration) -> f32 {
-    let pairs = found.accelerations[..found.touch].windows(2);
-    let sum: f64 = pairs.clone().map(|pair| (pair[1] - pair[0]).norm_squared()).sum();
-    (libm::sqrt(sum / pairs.len().max(1) as f64) / CONTROL_PERIOD) as f32
 }
 
 /// Every row satisfies Eq. 6 and 7.
@@ -291,21 +284,5 @@ mod tests {
         check_rows(&found).unwrap();
         found.states[1].q[3] += 1e-8;
         assert!(check_rows(&found).unwrap_err().to_string().contains("row 0 is off"));
-    }
-
-    #[test]
-    fn a_steady_push_has_no_jerk_and_a_swaying_one_has() {
-        let found = |sign: fn(usize) -> f64| Demonstration {
-            states: vec![],
-            accelerations: (0..4).map(|i| JointVector::from_element(sign(i))).collect(),
-            touch: 4,
-            clearance: 0.0,
-            restarts: 0,
-            miss: Miss::default(),
-        };
-        assert_eq!(jerk(&found(|_| 1.0)), 0.0);
-        let wanted = 2.0 * libm::sqrt(23.0) * 30.0;
-        let got = f64::from(jerk(&found(|i| if i % 2 == 0 { 1.0 } else { -1.0 })));
-        assert!((got - wanted).abs() < 1e-3, "{got}, wanted {wanted}");
     }
 }

@@ -22,8 +22,9 @@ pub struct Told {
     pub stands: Option<Stands>,
 }
 
-/// How an object stands.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// How an object stands; written as `"asInFile"` or `{"on": 2}`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize, serde::Serialize)]
+#[serde(rename_all = "camelCase")]
 pub enum Stands {
     /// As its file has it.
     AsInFile,

@@ -1,7 +1,7 @@
 //! How a controller moved the joints: what is compared beside success.
 
 use grasps::Setting;
-use robot::JointState;
+use robot::{JointState, JointVector, integrator};
 use scene::config::CONTROL_PERIOD;
 
 /// Where the robot is farther off (m), its distance is not measured.
@@ -28,16 +28,13 @@ impl Motion {
             return None;
         }
         let path = states.windows(2).map(|pair| (pair[1].q - pair[0].q).norm()).sum();
-        // Under Eq. 7 the second difference of the velocity is the jerk times dt².
-        let squares: f64 = states
-            .windows(3)
-            .map(|three| (three[2].qd - three[1].qd * 2.0 + three[0].qd).norm_squared())
-            .sum();
-        let mean = squares / (states.len() - 2) as f64;
+        // Eq. 7 the other way round.
+        let accelerations: Vec<JointVector> =
+            states.windows(2).map(|pair| (pair[1].qd - pair[0].qd) / CONTROL_PERIOD).collect();
         Some(Self {
             seconds: (states.len() - 1) as f64 * CONTROL_PERIOD,
             path,
-            jerk: libm::sqrt(mean) / (CONTROL_PERIOD * CONTROL_PERIOD),
+            jerk: integrator::jerk(&accelerations, CONTROL_PERIOD),
         })
     }
 }
@@ -56,7 +53,7 @@ mod tests {
     use crate::samples;
     use geometry::object::Object;
     use grasps::Robot;
-    use robot::{DOF, JointVector, integrator};
+    use robot::DOF;
 
     #[test]
     fn clearance_is_that_before_the_hand_closes() {

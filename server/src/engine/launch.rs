@@ -2,7 +2,7 @@
 
 use futures_util::future::BoxFuture;
 use std::fmt;
-use std::io;
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::process::Stdio;
 use tokio::process::{Child, Command};
@@ -18,6 +18,17 @@ pub(crate) struct Order {
     pub(crate) job_file: PathBuf,
     /// File that takes what it prints.
     pub(crate) log: PathBuf,
+}
+
+impl Order {
+    /// What is done, as in a terminal: each process of a job begins its part of the log with it.
+    fn words(&self) -> String {
+        let word = |text: &String| {
+            if text.contains(char::is_whitespace) { format!("'{text}'") } else { text.clone() }
+        };
+        let words: Vec<String> = self.arguments.iter().map(word).collect();
+        format!("$ ngf {}", words.join(" "))
+    }
 }
 
 /// Names the file that tells a process which job it works on, and to whom it reports.
@@ -53,7 +64,8 @@ impl Local {
 
 impl Launcher for Local {
     fn start(&self, order: &Order) -> io::Result<Box<dyn Process>> {
-        let log = std::fs::OpenOptions::new().create(true).append(true).open(&order.log)?;
+        let mut log = std::fs::OpenOptions::new().create(true).append(true).open(&order.log)?;
+        writeln!(log, "{}", order.words())?;
         let mut command = Command::new(&self.program);
         command
             .args(&order.arguments)

@@ -6,7 +6,7 @@ use super::list::limit;
 use crate::engine::Engine;
 use crate::extract::{Path, Query};
 use crate::metrics::OpenStream;
-use crate::store::Event;
+use crate::store::{Event, Type};
 use crate::{AppState, Problem};
 use axum::Json;
 use axum::extract::State;
@@ -28,10 +28,16 @@ fn number(param: &str, text: &str) -> Result<i64, Problem> {
         .map_err(|_| Problem::invalid(param, "it is the id of an event, as evt_17"))
 }
 
+/// The type of events that is called so.
+fn kind(text: &str) -> Result<Type, Problem> {
+    let help = "it is status, progress, metric, log, checkpoint, artifact or alert";
+    Type::named(text).ok_or_else(|| Problem::invalid("type", help))
+}
+
 /// What happened to a job, oldest first.
 #[utoipa::path(
     get, path = "/jobs/{id}/events", tag = "events",
-    params(("id" = String, Path, description = "Id of the job"), ("after" = Option<String>, Query, description = "Id of an event"), ("limit" = Option<i64>, Query, minimum = 1, maximum = 100)),
+    params(("id" = String, Path, description = "Id of the job"), ("after" = Option<String>, Query, description = "Id of an event"), ("limit" = Option<i64>, Query, minimum = 1, maximum = 100), ("type" = Option<String>, Query, description = "Only those of this type, as alert")),
     responses((status = 200, description = "What happened, oldest first", body = Page<Object>)),
 )]
 pub(crate) async fn list(
@@ -42,7 +48,8 @@ pub(crate) async fn list(
     find(&engine, &id).await?;
     let after = query.get("after").map_or(Ok(0), |text| number("after", text))?;
     let asked = query.get("limit").map_or(Ok(100), |text| limit(text))?;
-    let mut events = engine.store.events(&[id], None, after, asked + 1).await?;
+    let kind = query.get("type").map(|text| kind(text)).transpose()?;
+    let mut events = engine.store.events(&[id], kind, after, asked + 1).await?;
     let has_more = events.len() as i64 > asked;
     events.truncate(asked as usize);
     let id_of = |event: Option<&Event>| event.map(|event| event.json["id"].clone());

@@ -51,6 +51,22 @@ impl Level {
 }
 
 impl Type {
+    /// All of them.
+    const ALL: [Self; 7] = [
+        Self::Status,
+        Self::Progress,
+        Self::Metric,
+        Self::Log,
+        Self::Checkpoint,
+        Self::Artifact,
+        Self::Alert,
+    ];
+
+    /// The one that is called so.
+    pub(crate) fn named(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|kind| kind.name() == name)
+    }
+
     /// As in JSON.
     pub(crate) fn name(self) -> &'static str {
         match self {

@@ -337,4 +337,11 @@ async fn a_program_that_always_crashes_is_given_up() {
     assert_eq!(job["error"]["code"], "worker_lost", "{job}");
     assert_eq!(job["attempt"], 6);
     assert_eq!(job["resumable"], true);
+    let events = format!("/jobs/{id}/events");
+    let alerts = json_of(send(&app, "GET", &format!("{events}?type=alert"), "").await).await;
+    let alerts = alerts["data"].as_array().unwrap();
+    assert_eq!(alerts.len(), 6);
+    assert!(alerts.iter().all(|alert| alert["type"] == "alert" && alert["level"] == "warn"));
+    let problem = send(&app, "GET", &format!("{events}?type=news"), "").await;
+    assert_problem(problem, 422, "invalid_parameter").await;
 }

@@ -1,6 +1,8 @@
 //! What the page says.
 
-use super::{PlanarPose, Pull, Stands, Unit};
+use super::{PlanarPose, Pull};
+use geometry::brought::Stands;
+use geometry::mesh::Unit;
 use serde::Deserialize;
 
 /// From the page.

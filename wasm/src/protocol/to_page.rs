@@ -1,8 +1,10 @@
 //! What the worker says.
 
-use super::{PlanarPose, Stands, Unit};
+use super::PlanarPose;
 use crate::statistics::Tally;
+use geometry::brought::Stands;
 use geometry::mesh::Mesh;
+use geometry::mesh::Unit;
 use js_sys::{Float32Array, Uint32Array};
 use rollout::Moment;
 use serde::Serialize;
@@ -257,6 +259,9 @@ pub(crate) struct Attempted {
     /// Simulated seconds.
     pub(crate) time: f64,
     pub(crate) hash: String,
+    /// Of the batch so far.
+    pub(crate) row: Tally,
+    /// Of all attempts with the object.
     pub(crate) tally: Tally,
 }
 

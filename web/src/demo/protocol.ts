@@ -271,6 +271,9 @@ export interface Attempted {
   words: string;
   time: number;
   hash: string;
+  // Of the batch so far.
+  row: Tally;
+  // Of all attempts with the object.
   tally: Tally;
 }
 

@@ -41,6 +41,7 @@ export const BATCH = {
   watch: "Watch",
   watchSeed: (seed: number) => `Watch seed ${seed}`,
   of: (name: string, counted: string) => `${name}: ${counted}`,
+  between: (counted: string, least: string, most: string) => `${counted} (${least} to ${most})`,
   alone: (first: string, a: number, second: string, b: number, both: number) =>
     `Of the ${both} that both tried, ${first} alone lifted ${a}, ${second} alone ${b}.`,
 } as const;

@@ -1,13 +1,13 @@
 // A training whose policy acts here while it goes on: what it has learned since acts next, in the same attempt again.
 
-import { API, ask, type List } from "../common/api";
+import { ask, type List } from "../common/api";
 import { element } from "../common/dom";
+import { Stream } from "../common/stream";
 import type { Frame, Model } from "./protocol";
 import { TRAINING } from "./strings";
 
-// From a verdict to the next policy, long enough to be seen, and to the next try where nobody answers (ms).
+// From a verdict to the next policy, long enough to be seen (ms).
 const PAUSE = 2500;
-const AGAIN = 3000;
 
 interface Checkpoint {
   step: number;
@@ -26,7 +26,7 @@ export class Training {
   readonly #part = element("training", HTMLElement);
   readonly #box = element("training-follow", HTMLInputElement);
   readonly #words = element("training-words", HTMLElement);
-  #source: EventSource | null = null;
+  readonly #stream: Stream<{ id: string; job: string }>;
   #isOver = false;
   #newest: Checkpoint | null = null;
   // The last step that was written before the page was opened: who chose one of those did not choose a newer one.
@@ -42,31 +42,10 @@ export class Training {
     this.#job = job;
     this.#events = events;
     this.#box.addEventListener("change", () => this.#go());
-    document.addEventListener("visibilitychange", () => this.#listen());
-    this.#listen();
-  }
-
-  // A browser keeps few connections to a server: a page that nobody sees needs none.
-  #listen(): void {
-    if (document.hidden || this.#isOver) {
-      this.#source?.close();
-      this.#source = null;
-      return;
-    }
-    if (this.#source) return;
-    const source = new EventSource(new URL("stream", API));
-    this.#source = source;
-    source.onopen = () => void this.#catchUp();
-    source.onerror = () => {
-      if (source.readyState !== EventSource.CLOSED || this.#source !== source) return;
-      this.#source = null;
-      setTimeout(() => this.#listen(), AGAIN);
-    };
-    for (const type of ["checkpoint", "status"]) {
-      source.addEventListener(type, ({ data }) => {
-        if ((JSON.parse(data) as { job: string }).job === this.#job) void this.#catchUp();
-      });
-    }
+    this.#stream = new Stream(["checkpoint", "status"], {
+      opened: () => void this.#catchUp(),
+      received: (event) => void (event.job === this.#job && this.#catchUp()),
+    });
   }
 
   // What it has written so far, and whether it goes on.
@@ -84,7 +63,7 @@ export class Training {
       this.#before = this.#newest?.step ?? 0;
       this.#part.hidden = this.#isOver;
     }
-    if (this.#isOver) this.#listen();
+    if (this.#isOver) this.#stream.end();
     this.#tell();
     this.#go();
   }

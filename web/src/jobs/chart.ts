@@ -95,7 +95,7 @@ export class Chart {
     return {
       width: Math.max(200, this.element.clientWidth),
       height: HEIGHT,
-      cursor: { sync: { key: "jobs" } },
+      cursor: { sync: { key: "jobs" }, bind: { mousedown: (plot, _, zoom) => (event) => (event.shiftKey ? move(plot, event) : zoom(event)) } },
       scales: {
         x: { time: false, distr: look.isLogX ? 3 : 1 },
         y: { distr: look.isLogY ? 3 : 1 },
@@ -108,6 +108,20 @@ export class Chart {
       series: [{ label: look.by === "wall" ? CHARTS.time : CHARTS.step, value: (_, x) => (x === null ? "–" : look.by === "wall" ? time(x) : x.toLocaleString("en")) }, ...series],
     };
   }
+}
+
+// Moves what is seen with the pointer until it is let go.
+function move(plot: uPlot, from: MouseEvent): null {
+  const whole = plot.over.clientWidth;
+  const at = (x: number) => plot.posToVal(x, "x");
+  const drag = ({ clientX }: MouseEvent) => {
+    const by = from.clientX - clientX;
+    from = new MouseEvent("mousemove", { clientX });
+    plot.setScale("x", { min: at(by), max: at(whole + by) });
+  };
+  addEventListener("mousemove", drag);
+  addEventListener("mouseup", () => removeEventListener("mousemove", drag), { once: true });
+  return null;
 }
 
 const scheme = matchMedia("(prefers-color-scheme: dark)");

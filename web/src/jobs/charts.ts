@@ -113,7 +113,8 @@ export class Charts {
       h("option", { value: "wall" }, CHARTS.byTime),
     );
     by.value = look.by;
-    return h("div", { class: "controls" }, h("label", {}, CHARTS.smoothing, slider), box(CHARTS.logY, "isLogY"), box(CHARTS.logX, "isLogX"), by);
+    const hint = h("span", { class: "hint" }, CHARTS.hint);
+    return h("div", { class: "controls" }, h("label", {}, CHARTS.smoothing, slider), box(CHARTS.logY, "isLogY"), box(CHARTS.logX, "isLogX"), by, hint);
   }
 }
 

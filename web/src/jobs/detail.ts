@@ -4,14 +4,15 @@ import { API, ask, type List, Refused } from "../common/api";
 import { button, h } from "../common/dom";
 import { download, facts, failureCard, link, refusal, section } from "../common/parts";
 import { duration, number, when } from "../common/numbers";
+import { Alerts } from "./alerts";
 import { Charts } from "./charts";
 import { Checkpoints } from "./checkpoints";
 import { Deletion } from "./deletion";
 import { evaluations } from "./evaluations";
 import type { Feed } from "./feed";
-import { Log } from "./log";
+import { Log, lastLines } from "./log";
 import { demo, progressInWords, showStatus } from "./parts";
-import { DEMO, EVALUATION, FACTS, JOB, KINDS, PROGRESS } from "./strings";
+import { DEMO, EVALUATION, FACTS, JOB, KINDS, LOG, PROGRESS } from "./strings";
 import { type Artifact, type Checkpoint, ENDED, type Evaluation, type Job, title } from "./types";
 import type { View } from "./view";
 
@@ -30,6 +31,7 @@ export class Detail implements View {
   readonly #deletion = new Deletion(() => this.#delete());
   readonly #stop: () => void;
   #charts: Charts | null = null;
+  #alerts: Alerts | null = null;
   #checkpoints: Checkpoints | null = null;
   #log: Log | null = null;
   #seen = "";
@@ -43,8 +45,10 @@ export class Detail implements View {
     this.#id = id;
     this.#stop = feed.listen({
       jobs: (changed) => changed.has(id) && this.#show(),
-      event: ({ job, type, data }) => {
-        if (job === id && type === "checkpoint") this.#checkpoints?.add(data as unknown as Checkpoint);
+      event: (event) => {
+        if (event.job !== id) return;
+        if (event.type === "checkpoint") this.#checkpoints?.add(event.data as unknown as Checkpoint);
+        if (event.type === "alert") this.#alerts?.add(event);
       },
       connection: (state) => state === "live" && this.#catchUp(),
     });
@@ -63,6 +67,7 @@ export class Detail implements View {
   // The server is back: what could not be had is asked for again.
   #catchUp(): void {
     if (this.#charts) {
+      void this.#alerts?.fetch();
       void this.#checkpoints?.fetch();
       if (this.#isMadeRefused) void this.#showMade();
     } else if (this.#isRefused) {
@@ -79,6 +84,7 @@ export class Detail implements View {
       if (this.#isClosed) return;
       this.element.replaceChildren();
       this.#charts = new Charts(this.#feed, [job]);
+      this.#alerts = new Alerts(job.id);
       this.#checkpoints = new Checkpoints(job.id);
       this.#log = new Log(this.#feed, job);
       const head = h(
@@ -88,6 +94,7 @@ export class Detail implements View {
         h("p", { class: "hint" }, `${KINDS[job.kind] ?? job.kind} · ${job.id}`),
         this.#bar,
         this.#stands,
+        this.#alerts.element,
         this.#error,
         this.#deletion.element,
         this.#notice,
@@ -123,7 +130,7 @@ export class Detail implements View {
     if (this.#seen === job.status) return;
     this.#seen = job.status;
     this.#buttons.replaceChildren(...this.#actions(job));
-    this.#error.replaceChildren(...(job.error ? [failed(job.error)] : []));
+    this.#error.replaceChildren(...(job.error ? [failed(job.id, job.error)] : []));
     void this.#showMade();
   }
 
@@ -204,8 +211,11 @@ function stands(job: Job): string {
   return progressInWords(job);
 }
 
-function failed({ message, hint, code, param }: NonNullable<Job["error"]>): HTMLElement {
-  return failureCard(message, hint ?? "", [code, param].filter(Boolean).join(" "));
+// Why it failed, what to do about it, and what its process said last.
+function failed(id: string, { message, hint, code, param }: NonNullable<Job["error"]>): HTMLElement {
+  const card = failureCard(message, hint ?? "", [code, param].filter(Boolean).join(" "));
+  void lastLines(id).then((lines) => lines && card.append(h("pre", { class: "log-end", tabindex: 0, "aria-label": LOG.end }, lines)));
+  return card;
 }
 
 function outputs(job: Job): HTMLElement | string {

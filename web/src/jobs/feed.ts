@@ -1,15 +1,15 @@
 // The jobs of the server, kept as they are there: pages of a list, one stream of what happens, and whatever else was
 // asked for. Those are listed that a filter wants and that the pages so far have come to.
 
-import { API, ask, type List, Refused } from "../common/api";
+import { ask, type List, Refused } from "../common/api";
+import { Stream } from "../common/stream";
 import { ENDED, type Job, type JobEvent } from "./types";
 
 const TYPES: JobEvent["type"][] = ["status", "progress", "metric", "log", "checkpoint", "artifact", "alert"];
 const PAGE = 100;
 // What changes faster is shown at most so often (ms).
 const CALM = 250;
-// A stream that the server ended, and an answer that was lost, is asked for again after this (ms); a stream that broke
-// comes back by itself.
+// An answer that was lost is asked for again after this (ms).
 const AGAIN = 2000;
 
 export type Connection = "connecting" | "live" | "lost";
@@ -33,8 +33,6 @@ export class Feed {
   #filter: Filter = { status: "", kind: "" };
   // The last id of the pages so far, "" before the first; jobs that are known from elsewhere may be older.
   #oldest = "";
-  #last: string | null = null;
-  #source: EventSource | null = null;
   #changed = new Set<string>();
   #stale = new Set<string>();
   #timer = 0;
@@ -127,32 +125,13 @@ export class Feed {
     this.#tell();
   }
 
-  // Listens to all jobs for as long as somebody looks; goes on after the last event whenever the connection was lost.
+  // Listens to all jobs; goes on after the last event whenever the connection was lost.
   start(): void {
-    this.#connect();
-    // Browsers keep few connections to a server: many pages that nobody looks at would take all of them.
-    document.addEventListener("visibilitychange", () => {
-      if (!document.hidden) return this.#connect();
-      this.#source?.close();
-      this.#source = null;
+    new Stream<JobEvent>(TYPES, {
+      opened: () => this.#connected("live"),
+      lost: () => this.#connected("lost"),
+      received: (event) => this.#receive(event),
     });
-  }
-
-  #connect(): void {
-    if (document.hidden || this.#source) return;
-    const url = new URL(`stream${this.#last ? `?after=${this.#last}` : ""}`, API);
-    const source = new EventSource(url);
-    this.#source = source;
-    source.onopen = () => this.#connected("live");
-    source.onerror = () => {
-      this.#connected("lost");
-      if (source.readyState !== EventSource.CLOSED || this.#source !== source) return;
-      this.#source = null;
-      setTimeout(() => this.#connect(), AGAIN);
-    };
-    for (const type of TYPES) {
-      source.addEventListener(type, ({ data }) => this.#receive(JSON.parse(data) as JobEvent));
-    }
   }
 
   #connected(state: Connection): void {
@@ -165,7 +144,6 @@ export class Feed {
   }
 
   #receive(event: JobEvent): void {
-    this.#last = event.id;
     for (const listener of this.#listeners) listener.event?.(event);
     const job = this.jobs.get(event.job);
     if (event.type === "progress" && job) {

@@ -131,7 +131,10 @@ export const LOG = {
   follow: "follow",
   download: "Download",
   none: "Nothing yet.",
+  end: "What its process said last",
 } as const;
+
+export const ALERTS = { title: "What somebody should look at" } as const;
 
 export const CHARTS = {
   title: "Measured",
@@ -145,6 +148,7 @@ export const CHARTS = {
   smoothing: "Smoothing",
   logX: "log x",
   logY: "log y",
+  hint: "Drag to zoom in, with Shift to move; a double click shows all.",
 } as const;
 
 export const COMPARISON = {

@@ -3,16 +3,20 @@
 use crate::Vec3;
 use std::fmt;
 
-/// A unit of length that mesh files are drawn in.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// A unit of length that mesh files are drawn in; written as its symbol.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize, serde::Serialize)]
 pub enum Unit {
     /// 1 m.
+    #[serde(rename = "m")]
     Metre,
     /// 0.01 m.
+    #[serde(rename = "cm")]
     Centimetre,
     /// 0.001 m.
+    #[serde(rename = "mm")]
     Millimetre,
     /// 0.0254 m.
+    #[serde(rename = "in")]
     Inch,
 }
 

@@ -1,6 +1,7 @@
 // Many attempts in a row: how many lifted, which did not and why; each of those can be seen again.
 
 import { element, h } from "../../common/dom";
+import { percent } from "../../common/numbers";
 import { outOf } from "../../common/strings";
 import { save } from "../save";
 import type { Attempted, Rectangle, ToWorker } from "../protocol";
@@ -128,11 +129,12 @@ export class BatchPanel {
 }
 
 function told({ attempted }: Row): string {
-  return outOf(attempted.filter(({ lifted }) => lifted).length, attempted.length);
+  return outOf(attempted.at(-1)?.row.lifted ?? 0, attempted.length);
 }
 
 function named(row: Row): string {
-  return BATCH.of(row.name, told(row));
+  const [least, most] = row.attempted.at(-1)?.row.interval ?? [0, 1];
+  return BATCH.of(row.name, BATCH.between(told(row), percent(least), percent(most)));
 }
 
 // Attempts that one of two lifted and the other did not, of the seeds that both have tried.
