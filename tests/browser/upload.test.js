@@ -228,6 +228,8 @@ test("a mesh that takes long to read is given up, and the scene goes on", async 
   const size = await page.textContent("#report-size");
   await page.selectOption("#compare", "default");
   await page.setInputFiles("#file", file("long.obj", bottle(400_000)));
+  // What it is at is told.
+  await page.waitForFunction(() => /^(Looking how|Cutting) long\.obj /.test(document.getElementById("progress-label").textContent));
   await page.click("#progress-stop");
   await untilReady(page);
   assert.ok(await page.isHidden("#progress"));

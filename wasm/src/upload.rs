@@ -3,7 +3,7 @@
 use crate::protocol::{Failure, ObjectLoaded, Report, Shape};
 use crate::statistics::Tally;
 use geometry::Vec3;
-use geometry::brought::{self, Because, Brought, DENSITY, MASSES, MassFrom, Told};
+use geometry::brought::{self, Because, Brought, DENSITY, MASSES, MassFrom, Stage, Told};
 use geometry::catalog::{LOOK_ALIKES, of_family};
 use geometry::mesh::{self, Mesh};
 use geometry::object::Object;
@@ -51,9 +51,21 @@ pub(crate) fn built_in(name: &str) -> Result<Loaded, Failure> {
     Ok(Loaded { object, name: Some(name.to_owned()), label: label(name), report })
 }
 
-/// An object from a mesh file.
-pub(crate) fn read(file_name: &str, bytes: &[u8], told: Told) -> Result<Loaded, Failure> {
-    let found = brought::read(file_name, bytes, told).map_err(|error| {
+/// An object from a mesh file; says in words what it is at.
+pub(crate) fn read(
+    file_name: &str,
+    bytes: &[u8],
+    told: Told,
+    say: &dyn Fn(String),
+) -> Result<Loaded, Failure> {
+    let mut at = |stage| {
+        say(match stage {
+            Stage::Triangles => format!("Reading {file_name}"),
+            Stage::Sides => format!("Looking how {file_name} can stand"),
+            Stage::Parts => format!("Cutting {file_name} into convex parts"),
+        });
+    };
+    let found = brought::read(file_name, bytes, told, &mut at).map_err(|error| {
         let message = error.to_string();
         // The message ends with the cure, as a sentence of its own.
         let (cause, cure) = message.rsplit_once(". ").unwrap_or((&message, "Try another file"));
@@ -178,7 +190,7 @@ mod tests {
 
     #[test]
     fn a_mesh_in_millimetres_becomes_an_object_with_mass_and_parts() {
-        let loaded = read("box.obj", BOX.as_bytes(), Told::default()).unwrap();
+        let loaded = read("box.obj", BOX.as_bytes(), Told::default(), &|_| ()).unwrap();
         let report = &loaded.report;
         assert_eq!(report.unit, Some(Unit::Millimetre));
         assert!(report.watertight && report.parts == 1);
@@ -201,7 +213,7 @@ mod tests {
             |k: usize| format!("f {} {} {} {}\n", k + 1, (k + 1) % 8 + 1, (k + 1) % 8 + 9, k + 9);
         let text: String =
             ring(0.0).chain(ring(200.0)).chain(caps).chain((0..8).map(side)).collect();
-        read("bottle.obj", text.as_bytes(), Told::default()).unwrap().report
+        read("bottle.obj", text.as_bytes(), Told::default(), &|_| ()).unwrap().report
     }
 
     #[test]
@@ -222,22 +234,22 @@ mod tests {
     #[test]
     fn the_unit_can_be_set_right() {
         let told = Told { unit: Some(Unit::Centimetre), ..Told::default() };
-        let loaded = read("box.obj", BOX.as_bytes(), told).unwrap();
+        let loaded = read("box.obj", BOX.as_bytes(), told, &|_| ()).unwrap();
         assert!((loaded.report.extent_cm[2] - 120.0).abs() < 1e-3);
     }
 
     #[test]
     fn it_stands_and_weighs_as_is_said() {
-        let loaded = read("box.obj", BOX.as_bytes(), Told::default()).unwrap();
+        let loaded = read("box.obj", BOX.as_bytes(), Told::default(), &|_| ()).unwrap();
         assert_eq!((loaded.report.stands, loaded.report.sides), (Some(Stands::AsInFile), 6));
         let told = Told { mass: Some(0.25), stands: Some(Stands::On(0)), ..Told::default() };
-        let loaded = read("box.obj", BOX.as_bytes(), told).unwrap();
+        let loaded = read("box.obj", BOX.as_bytes(), told, &|_| ()).unwrap();
         assert!((loaded.report.extent_cm[2] - 4.0).abs() < 1e-3, "{:?}", loaded.report.extent_cm);
         assert_eq!(loaded.object.mass, 0.25);
         assert_eq!(loaded.report.fits, "6.0 cm across at its narrowest: the hand gets round it");
         // On its edge it does not stand.
         let tilted = BOX.replace("v 40 60 0", "v 40 60 90").replace("v 40 0 0", "v 40 0 90");
-        let loaded = read("wedge.obj", tilted.as_bytes(), Told::default()).unwrap();
+        let loaded = read("wedge.obj", tilted.as_bytes(), Told::default(), &|_| ()).unwrap();
         assert_eq!(loaded.report.stands, Some(Stands::On(0)));
         assert!(loaded.report.notes.iter().any(|note| note.contains("fall over")));
     }
@@ -246,7 +258,10 @@ mod tests {
     fn what_is_too_wide_or_too_low_is_told() {
         let fits = |height: &str, unit| {
             let told = Told { unit: Some(unit), stands: Some(Stands::AsInFile), ..Told::default() };
-            read("box.obj", BOX.replace("120", height).as_bytes(), told).unwrap().report.fits
+            read("box.obj", BOX.replace("120", height).as_bytes(), told, &|_| ())
+                .unwrap()
+                .report
+                .fits
         };
         assert!(
             fits("30", Unit::Millimetre)
@@ -259,7 +274,7 @@ mod tests {
 
     #[test]
     fn a_bad_file_says_what_is_wrong_and_what_to_do() {
-        let failure = read("notes.txt", b"", Told::default()).err().unwrap();
+        let failure = read("notes.txt", b"", Told::default(), &|_| ()).err().unwrap();
         assert_eq!(failure.code, "mesh_unusable");
         assert!(failure.cause.starts_with("notes.txt: the file is empty"), "{}", failure.cause);
         assert_eq!(failure.cure, "Export it again.");

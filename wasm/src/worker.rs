@@ -138,9 +138,9 @@ impl Worker {
                 self.play(&file_name, &bytes);
             }
             ToWorker::Upload { file_name, bytes, unit, mass_kg, stands } => {
-                post(&FromWorker::Progress(Progress::begin(format!("Reading {file_name}"))));
                 let told = Told { unit, mass: mass_kg, stands };
-                self.load(upload::read(&file_name, &bytes, told));
+                let say = |words| post(&FromWorker::Progress(Progress::begin(words)));
+                self.load(upload::read(&file_name, &bytes, told, &say));
                 post(&FromWorker::Progress(Progress::end()));
             }
             ToWorker::Model { id, base, gently } => {

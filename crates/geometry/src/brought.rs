@@ -73,11 +73,29 @@ pub struct Brought {
     pub stands: (Stands, Because),
 }
 
-/// Makes an object of a mesh file.
-pub fn read(file_name: &str, bytes: &[u8], told: Told) -> Result<Brought, MeshError> {
+/// What reading is at; of a large mesh each takes its time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stage {
+    /// Triangles are read and healed.
+    Triangles,
+    /// Sides are sought that hold it.
+    Sides,
+    /// It is cut into convex parts.
+    Parts,
+}
+
+/// Makes an object of a mesh file, and says what it is at.
+pub fn read(
+    file_name: &str,
+    bytes: &[u8],
+    told: Told,
+    at: &mut dyn FnMut(Stage),
+) -> Result<Brought, MeshError> {
+    at(Stage::Triangles);
     let Import { mesh, unit, healing, is_drawn_y_up } = mesh::import(bytes, told.unit)?;
     let solid = mesh::solid(&mesh, healing.watertight)?;
     let (kg, mass) = weigh(solid.volume, told.mass);
+    at(Stage::Sides);
     let mut rests = mesh::rests(&mesh.vertices, solid.center);
     // What is round has many sides, each steadier than to stand upright.
     let stays = rests.is_empty() || rests.iter().any(mesh::Rest::is_as_it_is);
@@ -96,6 +114,7 @@ pub fn read(file_name: &str, bytes: &[u8], told: Told) -> Result<Brought, MeshEr
         Stands::On(side) if side < rests.len() => (mesh.turned(&rests[side].rotation), stands),
         _ => (mesh, Stands::AsInFile),
     };
+    at(Stage::Parts);
     let parts = mesh::convex_parts_or_hull(&mesh).hulls;
     let object = Object::new(file_name, mesh, healing.watertight, parts, kg, MESH_FRICTION)?;
     Ok(Brought {
@@ -128,7 +147,10 @@ mod tests {
         v 0 60 120\nf 1 4 3 2\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n";
 
     fn brought(text: &str, told: Told) -> Brought {
-        read("box.obj", text.as_bytes(), told).unwrap()
+        let mut stages = Vec::new();
+        let found = read("box.obj", text.as_bytes(), told, &mut |stage| stages.push(stage));
+        assert_eq!(stages, [Stage::Triangles, Stage::Sides, Stage::Parts]);
+        found.unwrap()
     }
 
     #[test]
