@@ -4,7 +4,7 @@ import assert from "node:assert/strict";
 import { writeFileSync } from "node:fs";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
-import { barriers, blank, screenshot, serve } from "./chromium.js";
+import { barriers, blank, PATIENCE, screenshot, serve } from "./chromium.js";
 import { openJobs, stands, until } from "./jobs.js";
 
 let jobs;
@@ -167,9 +167,10 @@ test("a job whose processes vanish says so each time, and at last what they said
   const { id } = await jobs.long();
   const { page, complaints } = await jobs.visit(`#jobs/${id}`);
   const killed = new Set();
-  for (;;) {
+  for (const end = Date.now() + PATIENCE; ; ) {
     const { status, worker } = await jobs.api(`jobs/${id}`);
     if (status === "failed") break;
+    assert.ok(Date.now() < end, `${status} after ${killed.size} were killed`);
     if (worker && !killed.has(worker.pid)) {
       process.kill(worker.pid, "SIGKILL");
       killed.add(worker.pid);
@@ -223,4 +224,3 @@ test("a server that is killed and comes back is noticed, and nothing is missing 
   await stands(page, "succeeded");
   await page.close();
 });
-

@@ -8,7 +8,7 @@ use crate::store::{News, StoreError, Type};
 use chrono::Utc;
 use serde_json::json;
 use std::fs::File;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use tokio::sync::oneshot;
 
@@ -73,8 +73,11 @@ impl Engine {
         };
         let job_file = folder.join("job.json");
         write_secret(&job_file, &serde_json::to_vec(&told)?)?;
+        let arguments = command::arguments(&job.params, &given);
+        let folders = [&folder, &self.config.data, &self.config.models].map(PathBuf::as_path);
         let order = Order {
-            arguments: command::arguments(&job.params, &given),
+            words: command::words(&arguments, &folders),
+            arguments,
             log: folder.join("log.txt"),
             folder,
             job_file,

@@ -79,6 +79,26 @@ impl Subject {
     }
 }
 
+/// The command as a terminal takes it; what lies in one of these folders is named from there, for nobody but the server
+/// needs to know where that is.
+pub(super) fn words(arguments: &[String], folders: &[&Path]) -> String {
+    let word = |argument: &String| {
+        let path = Path::new(argument);
+        let inside = folders.iter().find_map(|folder| path.strip_prefix(folder).ok());
+        quoted(&inside.unwrap_or(path).display().to_string())
+    };
+    let words: Vec<String> = arguments.iter().map(word).collect();
+    format!("ngf {}", words.join(" "))
+}
+
+fn quoted(word: &str) -> String {
+    let is_plain = |c: char| c.is_ascii_alphanumeric() || "_-./:=,+%@".contains(c);
+    if !word.is_empty() && word.chars().all(is_plain) {
+        return word.to_owned();
+    }
+    format!("'{}'", word.replace('\'', "'\\''"))
+}
+
 impl crate::job::Course {
     /// As options of a training.
     fn words(&self) -> Vec<String> {
@@ -89,5 +109,23 @@ impl crate::job::Course {
             .chain(option("threads", Some(self.threads.to_string())))
             .chain(option("seed", Some(self.seed.to_string())))
             .collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_command_is_told_as_a_terminal_takes_it_and_without_where_things_lie() {
+        let arguments = ["evaluate", "--model", "/home/me/models/default", "--mesh"];
+        let arguments: Vec<String> = arguments
+            .into_iter()
+            .chain(["/data/jobs/1/it's a mug.obj", ""])
+            .map(str::to_owned)
+            .collect();
+        let folders = [Path::new("/data/jobs/1"), Path::new("/data"), Path::new("/home/me/models")];
+        let told = words(&arguments, &folders);
+        assert_eq!(told, r"ngf evaluate --model default --mesh 'it'\''s a mug.obj' ''");
     }
 }

@@ -2,7 +2,8 @@
 
 use futures_util::future::BoxFuture;
 use std::fmt;
-use std::io::{self, Write};
+use std::fs::File;
+use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::process::Stdio;
 use tokio::process::{Child, Command};
@@ -12,23 +13,14 @@ use tokio::process::{Child, Command};
 pub(crate) struct Order {
     /// Arguments of the program.
     pub(crate) arguments: Vec<String>,
+    /// The same for people: each process of a job begins its part of the log with it.
+    pub(crate) words: String,
     /// Folder in which it works.
     pub(crate) folder: PathBuf,
     /// File with what it needs to report, in the variable [`JOB_FILE`].
     pub(crate) job_file: PathBuf,
     /// File that takes what it prints.
     pub(crate) log: PathBuf,
-}
-
-impl Order {
-    /// What is done, as in a terminal: each process of a job begins its part of the log with it.
-    fn words(&self) -> String {
-        let word = |text: &String| {
-            if text.contains(char::is_whitespace) { format!("'{text}'") } else { text.clone() }
-        };
-        let words: Vec<String> = self.arguments.iter().map(word).collect();
-        format!("$ ngf {}", words.join(" "))
-    }
 }
 
 /// Names the file that tells a process which job it works on, and to whom it reports.
@@ -64,8 +56,9 @@ impl Local {
 
 impl Launcher for Local {
     fn start(&self, order: &Order) -> io::Result<Box<dyn Process>> {
-        let mut log = std::fs::OpenOptions::new().create(true).append(true).open(&order.log)?;
-        writeln!(log, "{}", order.words())?;
+        let mut log = File::options().create(true).read(true).append(true).open(&order.log)?;
+        end_line(&mut log)?;
+        writeln!(log, "$ {}", order.words)?;
         let mut command = Command::new(&self.program);
         command
             .args(&order.arguments)
@@ -79,6 +72,16 @@ impl Launcher for Local {
         command.process_group(0);
         Ok(Box::new(command.spawn()?))
     }
+}
+
+/// Ends the line in which the process before was killed.
+fn end_line(log: &mut File) -> io::Result<()> {
+    let mut last = [b'\n'];
+    if log.seek(SeekFrom::End(0))? > 0 {
+        log.seek(SeekFrom::End(-1))?;
+        log.read_exact(&mut last)?;
+    }
+    if last == [b'\n'] { Ok(()) } else { writeln!(log) }
 }
 
 impl Process for Child {

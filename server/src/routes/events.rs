@@ -30,8 +30,10 @@ fn number(param: &str, text: &str) -> Result<i64, Problem> {
 
 /// The type of events that is called so.
 fn kind(text: &str) -> Result<Type, Problem> {
-    let help = "it is status, progress, metric, log, checkpoint, artifact or alert";
-    Type::named(text).ok_or_else(|| Problem::invalid("type", help))
+    Type::named(text).ok_or_else(|| {
+        let names = Type::ALL.map(Type::name).join(", ");
+        Problem::invalid("type", format!("it is one of {names}"))
+    })
 }
 
 /// What happened to a job, oldest first.

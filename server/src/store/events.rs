@@ -52,7 +52,7 @@ impl Level {
 
 impl Type {
     /// All of them.
-    const ALL: [Self; 7] = [
+    pub(crate) const ALL: [Self; 7] = [
         Self::Status,
         Self::Progress,
         Self::Metric,

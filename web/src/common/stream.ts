@@ -7,6 +7,8 @@ import { API } from "./api";
 const AGAIN = 2000;
 
 export interface Listens<Event> {
+  // Whether it goes on after the last event that came, or from now on.
+  goesOn: boolean;
   // From now on nothing is missed; something may have been before.
   opened(): void;
   received(event: Event): void;
@@ -17,7 +19,7 @@ export class Stream<Event extends { id: string }> {
   readonly #types: readonly string[];
   readonly #listens: Listens<Event>;
   #source: EventSource | null = null;
-  // The last event that came: the stream goes on after it.
+  // The last event that came.
   #last: string | null = null;
   #isOver = false;
 
@@ -39,7 +41,8 @@ export class Stream<Event extends { id: string }> {
 
   #open(): void {
     if (document.hidden || this.#isOver || this.#source) return;
-    const source = new EventSource(new URL(`stream${this.#last ? `?after=${this.#last}` : ""}`, API));
+    const after = this.#listens.goesOn && this.#last ? `?after=${this.#last}` : "";
+    const source = new EventSource(new URL(`stream${after}`, API));
     this.#source = source;
     source.onopen = () => this.#listens.opened();
     source.onerror = () => {

@@ -43,6 +43,7 @@ export class Training {
     this.#events = events;
     this.#box.addEventListener("change", () => this.#go());
     this.#stream = new Stream(["checkpoint", "status"], {
+      goesOn: false,
       opened: () => void this.#catchUp(),
       received: (event) => void (event.job === this.#job && this.#catchUp()),
     });
@@ -53,7 +54,8 @@ export class Training {
     try {
       const { data } = await ask<List<Checkpoint>>(`jobs/${this.#job}/checkpoints`);
       const { finished_at } = await ask<{ finished_at: string | null }>(`jobs/${this.#job}`);
-      this.#isOver = finished_at !== null;
+      // An answer may be overtaken by a later one.
+      this.#isOver ||= finished_at !== null;
       this.#newest = data.reduce((newest, one) => (newest && newest.step >= one.step ? newest : one), this.#newest);
     } catch {
       // It was deleted, or is asked for again when the server is back.

@@ -19,8 +19,12 @@ export class Alerts {
 
   // Those so far, and those that were missed meanwhile; where they cannot be had, the connection is told to be lost.
   async fetch(): Promise<void> {
-    const known = await ask<List<JobEvent>>(`jobs/${this.#job}/events?type=alert`).catch(() => null);
-    for (const event of known?.data ?? []) this.add(event);
+    for (let after = "", hasMore = true; hasMore; ) {
+      const page = await ask<List<JobEvent>>(`jobs/${this.#job}/events?type=alert${after}`).catch(() => null);
+      for (const event of page?.data ?? []) this.add(event);
+      hasMore = page?.has_more ?? false;
+      after = `&after=${page?.data.at(-1)?.id}`;
+    }
   }
 
   add({ seq, created_at, message }: JobEvent): void {

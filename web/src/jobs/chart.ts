@@ -15,6 +15,8 @@ export interface Look {
 }
 
 const HEIGHT = 220;
+// Charts that are zoomed together.
+const TOGETHER = "jobs";
 
 export class Chart {
   readonly element = document.createElement("figure");
@@ -95,9 +97,9 @@ export class Chart {
     return {
       width: Math.max(200, this.element.clientWidth),
       height: HEIGHT,
-      cursor: { sync: { key: "jobs" }, bind: { mousedown: (plot, _, zoom) => (event) => (event.shiftKey ? move(plot, event) : zoom(event)) } },
+      cursor: { sync: { key: TOGETHER }, bind: { mousedown: pressed } },
       scales: {
-        x: { time: false, distr: look.isLogX ? 3 : 1 },
+        x: { time: false, ...(look.isLogX && { distr: 3 as const, range: exactly }) },
         y: { distr: look.isLogY ? 3 : 1 },
       },
       axes: [
@@ -110,18 +112,32 @@ export class Chart {
   }
 }
 
-// Moves what is seen with the pointer until it is let go.
+// The first button zooms, and with Shift it moves.
+function pressed(plot: uPlot, over: HTMLElement, zoom: uPlot.Cursor.MouseListener): uPlot.Cursor.MouseListener {
+  return (event) => {
+    if (event.button !== 0 || event.target !== over) return null;
+    return event.shiftKey ? move(plot, event) : zoom(event);
+  };
+}
+
+// Moves what all charts show with the pointer, until it is let go.
 function move(plot: uPlot, from: MouseEvent): null {
-  const whole = plot.over.clientWidth;
-  const at = (x: number) => plot.posToVal(x, "x");
+  const { min, max, distr } = plot.scales["x"] ?? {};
+  if (min == null || max == null) return null;
+  const [into, back] = distr === 3 ? [Math.log10, (x: number) => 10 ** x] : [Number, Number];
+  const [least, most] = [into(min), into(max)];
   const drag = ({ clientX }: MouseEvent) => {
-    const by = from.clientX - clientX;
-    from = new MouseEvent("mousemove", { clientX });
-    plot.setScale("x", { min: at(by), max: at(whole + by) });
+    const by = ((from.clientX - clientX) / plot.over.clientWidth) * (most - least);
+    for (const one of uPlot.sync(TOGETHER).plots) one.setScale("x", { min: back(least + by), max: back(most + by) });
   };
   addEventListener("mousemove", drag);
   addEventListener("mouseup", () => removeEventListener("mousemove", drag), { once: true });
   return null;
+}
+
+// As far as was asked for, where uPlot would go on to whole powers of ten.
+function exactly(_: uPlot, min: number | null, max: number | null): uPlot.Range.MinMax {
+  return min !== null && max !== null && min === max ? uPlot.rangeLog(min, max, 10, true) : [min, max];
 }
 
 const scheme = matchMedia("(prefers-color-scheme: dark)");

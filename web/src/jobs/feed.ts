@@ -128,6 +128,7 @@ export class Feed {
   // Listens to all jobs; goes on after the last event whenever the connection was lost.
   start(): void {
     new Stream<JobEvent>(TYPES, {
+      goesOn: true,
       opened: () => this.#connected("live"),
       lost: () => this.#connected("lost"),
       received: (event) => this.#receive(event),

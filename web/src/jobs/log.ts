@@ -12,14 +12,13 @@ const PERIOD = 2000;
 // Lines that are kept in the page.
 const MOST = 5000;
 
-// Bytes and lines that are enough to see why a process ended.
-const ENOUGH = { bytes: 2000, lines: 8 };
+// Lines that are enough to see why a process ended.
+const LAST = 8;
 
 // What the process of a job printed last, "" if nothing is known of it.
 export async function lastLines(job: string): Promise<string> {
   try {
-    const answer = await send(`jobs/${job}/logs`, "GET", undefined, { headers: { Range: `bytes=-${ENOUGH.bytes}` } });
-    return (await answer.text()).trimEnd().split("\n").slice(-ENOUGH.lines).join("\n");
+    return (await (await send(`jobs/${job}/logs?tail=${LAST}`)).text()).trimEnd();
   } catch {
     return "";
   }

@@ -133,8 +133,8 @@ function told({ attempted }: Row): string {
 }
 
 function named(row: Row): string {
-  const [least, most] = row.attempted.at(-1)?.row.interval ?? [0, 1];
-  return BATCH.of(row.name, BATCH.between(told(row), percent(least), percent(most)));
+  const interval = row.attempted.at(-1)?.row.interval;
+  return BATCH.of(row.name, interval ? BATCH.between(told(row), percent(interval[0]), percent(interval[1])) : told(row));
 }
 
 // Attempts that one of two lifted and the other did not, of the seeds that both have tried.
