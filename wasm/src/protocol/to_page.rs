@@ -3,8 +3,7 @@
 use super::PlanarPose;
 use crate::statistics::Tally;
 use geometry::brought::Stands;
-use geometry::mesh::Mesh;
-use geometry::mesh::Unit;
+use geometry::mesh::{Mesh, Unit};
 use js_sys::{Float32Array, Uint32Array};
 use rollout::Moment;
 use serde::Serialize;
