@@ -20,6 +20,7 @@ mod report;
 mod rest;
 #[cfg(test)]
 mod samples;
+mod simplify;
 mod split;
 mod stl;
 mod unit;
@@ -34,6 +35,7 @@ pub use parts::{Method, Parts, convex_parts, convex_parts_or_hull};
 pub use read::{MAX_BYTES, MAX_TRIANGLES, read};
 pub use report::Report;
 pub use rest::{Rest, rests};
+pub use simplify::Simplified;
 pub use unit::{Unit, UnitGuess, guess};
 
 use crate::Vec3;
@@ -56,6 +58,8 @@ pub struct Import {
     pub unit: UnitGuess,
     /// What was repaired, and what is still open.
     pub healing: Healing,
+    /// What was made of it before, if it had more than [`FINE`] triangles (m).
+    pub simplified: Option<Simplified>,
     /// Whether it looks drawn with y up, in a file that does not say which way is.
     pub is_drawn_y_up: bool,
 }
@@ -63,18 +67,31 @@ pub struct Import {
 /// Longest side (m) that an object on the table may have.
 const SIZES: std::ops::RangeInclusive<f32> = 0.001..=10.0;
 
+/// A mesh of more triangles is simplified to as many at most, before anything else is done with it.
+pub const FINE: usize = 1_000_000;
+
 /// Reads, heals and scales a mesh; the unit is guessed from the size unless it is given.
 pub fn import(bytes: &[u8], unit: Option<Unit>) -> Result<Import, MeshError> {
-    let (mesh, healing) = heal(read(bytes)?)?;
+    let mesh = read(bytes)?;
+    let (mesh, simplified) = match mesh.triangles.len() > FINE {
+        true => {
+            let (mesh, simplified) = simplify::simplify(&mesh, FINE);
+            (mesh, Some(simplified))
+        }
+        false => (mesh, None),
+    };
+    let (mesh, healing) = heal(mesh)?;
     let extent = mesh.extent();
     let unit = unit.map_or_else(|| guess(extent), |unit| UnitGuess::chosen(unit, extent));
-    let mesh = mesh.scaled(unit.unit.metres());
+    let metres = unit.unit.metres();
+    let mesh = mesh.scaled(metres);
+    let simplified = simplified.map(|s| Simplified { moved: s.moved * metres, ..s });
     let longest = mesh.extent().max_element();
     if !SIZES.contains(&longest) {
         return Err(MeshError::Size { longest, unit: unit.unit });
     }
     let is_drawn_y_up = !read::says_up(bytes) && upright::is_drawn_y_up(&mesh);
-    Ok(Import { mesh, unit, healing, is_drawn_y_up })
+    Ok(Import { mesh, unit, healing, simplified, is_drawn_y_up })
 }
 
 impl Mesh {
@@ -87,6 +104,13 @@ impl Mesh {
     pub fn extent(&self) -> Vec3 {
         let [low, high] = self.bounds();
         high - low
+    }
+
+    /// What the mesh is moved by (m) so that it stands on z = 0, in the middle of x and y.
+    pub fn footing(&self) -> Vec3 {
+        let [low, high] = self.bounds();
+        let middle = 0.5 * (low + high);
+        -Vec3::new(middle.x, middle.y, low.z)
     }
 
     /// The mesh with every coordinate multiplied by `factor`, a positive number.

@@ -32,6 +32,9 @@ pub(crate) fn run(options: &Options) -> Result<()> {
     let [x, y, z] = report.extent_m.map(|side| 100.0 * side);
     println!("{x:.1} x {y:.1} x {z:.1} cm: {}", report.reason);
     let closed = if report.watertight { "closed" } else { "open" };
+    if let Some(from) = report.simplified_from {
+        println!("{from} triangles are too many, and were made fewer");
+    }
     println!(
         "{} triangles, {closed}; {:.0} cm³{}; {} convex parts",
         report.triangles,

@@ -54,7 +54,7 @@ fn each_bad_file_has_its_own_message() {
         ("truncated.stl", short_stl, "ends early"),
         ("nan.obj", b"v 0 0 0\nv nan 0 0\nv 0 1 0\nf 1 2 3\n".to_vec(), "a coordinate is"),
         ("flat.obj", flat.into(), "zero area"),
-        ("large.ply", ply(3_000_000), "at most 2000000 are read"),
+        ("large.ply", ply(6_000_000), "at most 5000000 are read"),
         ("picture.obj", b"\x89PNG\r\n\x1a\n0000000000000000".to_vec(), "this looks like"),
         ("notes.stl", b"Dear diary, today I forgot the mesh.\n".to_vec(), "not a mesh"),
     ];

@@ -11,7 +11,7 @@ use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use chrono::Utc;
 use futures_util::StreamExt;
-use geometry::mesh::{self, MAX_BYTES, Report};
+use geometry::mesh::{self, Report};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -74,7 +74,7 @@ pub(crate) async fn upload(
 const MOST_TIME: Duration = Duration::from_secs(600);
 
 /// Meshes that are looked into at a time: what they become in memory is many times what they are in a file.
-static INSPECTIONS: Semaphore = Semaphore::const_new(4);
+static INSPECTIONS: Semaphore = Semaphore::const_new(2);
 
 const UNREADABLE: &str = "it could not be read. Try another file";
 
@@ -91,8 +91,8 @@ async fn read(
     let headers = request.headers().clone();
     let header = |name| headers.get(name).and_then(|value| value.to_str().ok());
     let length: Option<usize> = header(header::CONTENT_LENGTH).and_then(|text| text.parse().ok());
-    if length.is_some_and(|length| length > MAX_BYTES + FORM) {
-        return Err(Problem::too_large(MAX_BYTES));
+    if length.is_some_and(|length| length > MOST_BYTES + FORM) {
+        return Err(Problem::too_large(MOST_BYTES));
     }
     let is_form =
         header(header::CONTENT_TYPE).is_some_and(|kind| kind.starts_with("multipart/form-data"));
@@ -133,6 +133,9 @@ async fn read(
     Ok(name)
 }
 
+/// Longest file (bytes); a page reads longer ones, which need not be sent.
+pub(super) const MOST_BYTES: usize = 50_000_000;
+
 /// Bytes of a form about its file.
 const FORM: usize = 4096;
 
@@ -141,7 +144,9 @@ const MOST_FIELDS: usize = 16;
 
 /// The length with some more bytes, if that is not too long.
 fn room(taken: usize, more: usize) -> Result<usize, Problem> {
-    Some(taken + more).filter(|all| *all <= MAX_BYTES).ok_or_else(|| Problem::too_large(MAX_BYTES))
+    Some(taken + more)
+        .filter(|all| *all <= MOST_BYTES)
+        .ok_or_else(|| Problem::too_large(MOST_BYTES))
 }
 
 /// A name without folders or anything that is not shown.

@@ -1,12 +1,13 @@
 //! For those who operate the server, and for programs that want to know it.
 
+use super::meshes::MOST_BYTES;
 use crate::extract::MOST_BODY;
 use crate::{AppState, Problem};
 use axum::Json;
 use axum::extract::State;
 use axum::http::header;
 use axum::response::{IntoResponse, Response};
-use geometry::mesh::{MAX_BYTES, MAX_TRIANGLES};
+use geometry::mesh::MAX_TRIANGLES;
 use serde_json::{Value, json};
 use utoipa::openapi::security::{HttpAuthScheme, HttpBuilder, SecurityScheme};
 use utoipa::openapi::{
@@ -153,7 +154,7 @@ pub(super) async fn discover(State(state): State<AppState>) -> Json<Value> {
             "datasets": url("datasets"), "meshes": url("meshes"), "artifacts": url("artifacts"),
         },
         "limits": {
-            "request_bytes": MOST_BODY, "mesh_bytes": MAX_BYTES, "mesh_triangles": MAX_TRIANGLES,
+            "request_bytes": MOST_BODY, "mesh_bytes": MOST_BYTES, "mesh_triangles": MAX_TRIANGLES,
             "kept_mesh_bytes": state.limits.kept_mesh_bytes, "queued_jobs": state.limits.queued,
             "changes_per_second": state.limits.changes_per_second,
         },

@@ -13,12 +13,15 @@ const DEFLATED = 8;
 // Files that are taken at once: more, nobody wants to look through.
 export const MOST = 50;
 // Size of each (bytes): the worker refuses longer ones.
-const LONGEST = 51 * 1024 * 1024;
+const LONGEST = 250e6;
+// Size of all that are taken (bytes).
+const MOST_BYTES = 500e6;
 
 // Those that are wanted by their names, one more than are taken at most; of the archive no more is read than they need.
 // Throws where it is damaged or they are too large.
 export async function unzip(archive: File, isWanted: (name: string) => boolean): Promise<File[]> {
   const files: File[] = [];
+  let bytes = 0;
   for (const { name, method, size, start } of entries(await list(archive))) {
     const last = name.split("/").pop() ?? name;
     if (!isWanted(last) || name.includes("__MACOSX") || files.length > MOST) continue;
@@ -26,7 +29,10 @@ export async function unzip(archive: File, isWanted: (name: string) => boolean):
     const header = await part(archive, start, HEADER);
     const from = start + HEADER + header.getUint16(26, true) + header.getUint16(28, true);
     if (from + size > archive.size) throw new Error(FILES.cutOff);
-    files.push(new File([await unpacked(archive.slice(from, from + size), method, name)], last));
+    const file = await unpacked(archive.slice(from, from + size), method, name);
+    bytes += file.size;
+    if (bytes > MOST_BYTES) throw new Error(FILES.tooMuch);
+    files.push(new File([file], last));
   }
   return files;
 }

@@ -9,9 +9,9 @@ use super::{Mesh, MeshError, Place, gltf, obj, off, ply, stl};
 use crate::Vec3;
 
 /// Largest file that is read (bytes).
-pub const MAX_BYTES: usize = 50_000_000;
+pub const MAX_BYTES: usize = 250_000_000;
 /// Most triangles that are read.
-pub const MAX_TRIANGLES: usize = 2_000_000;
+pub const MAX_TRIANGLES: usize = 5_000_000;
 /// Most vertices that are read: what a soup of `MAX_TRIANGLES` needs.
 pub(super) const MAX_VERTICES: usize = 3 * MAX_TRIANGLES;
 

@@ -12,6 +12,9 @@ pub struct Report {
     pub unit: &'static str,
     /// Why.
     pub reason: String,
+    /// Triangles in the file, if they were too many to keep.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub simplified_from: Option<usize>,
     /// Triangles that are left.
     pub triangles: usize,
     /// Whether the surface is closed.
@@ -31,13 +34,14 @@ pub struct Report {
 impl Report {
     /// What is to be said of a mesh that was read.
     pub fn of(import: &Import) -> Result<Self, MeshError> {
-        let Import { mesh, unit, healing, .. } = import;
+        let Import { mesh, unit, healing, simplified, .. } = import;
         let solid = solid(mesh, healing.watertight)?;
         let left_out = healing.degenerate_triangles + healing.duplicate_triangles;
         Ok(Self {
             extent_m: mesh.extent().to_array(),
             unit: unit.unit.singular(),
             reason: unit.reason.clone(),
+            simplified_from: simplified.map(|simplified| simplified.from),
             triangles: mesh.triangles.len(),
             watertight: healing.watertight,
             components: healing.components,

@@ -130,6 +130,11 @@ export class SharePanel {
     this.#store.textContent = SHARE.stopSending;
     this.#hint.textContent = SHARE.sending(file.name);
     try {
+      const { limits } = await ask<{ limits: { mesh_bytes: number } }>("../v1", "GET", undefined, { signal: this.#sending.signal });
+      if (file.size > limits.mesh_bytes) {
+        this.#hint.textContent = SHARE.notKept(SHARE.tooLarge(file.name, limits.mesh_bytes / 1e6));
+        return;
+      }
       const path = `meshes?name=${encodeURIComponent(file.name)}`;
       const { id } = await ask<{ id: string }>(path, "POST", file, { signal: this.#sending.signal });
       this.#mesh = id;
