@@ -1,9 +1,11 @@
 //! What an onlooker sees of an attempt and does to it: forces that bear the object's weight, a cloud that lies where the
-//! object is, and pulling.
+//! object is, pulling, and how what somebody brings is laid.
 
 #![allow(clippy::unwrap_used, reason = "a helper of a test fails by panicking too")]
 
 use geometry::Vec3;
+use geometry::brought::{self, Because, Guide, Told};
+use geometry::mesh::Mesh;
 use geometry::object::Object;
 use grasps::built_in::built_in;
 use grasps::cluster;
@@ -19,6 +21,43 @@ fn workcell() -> Workcell {
     let mut workcell = Workcell::new().unwrap();
     workcell.load_model(&files[0], &files[1], &files[2]).unwrap();
     workcell
+}
+
+/// Has what would fall lie as the model knows it.
+struct Host(Workcell);
+
+impl Guide for Host {
+    fn lay(&mut self, sides: impl Iterator<Item = Mesh>) -> Option<usize> {
+        self.0.most_familiar(sides)
+    }
+}
+
+#[test]
+fn what_would_fall_over_stands_as_what_was_learned_does() {
+    let mut host = Host(workcell());
+    for name in ["sugar_box", "bleach", "mustard"] {
+        let mesh = Object::built_in(name).unwrap().mesh;
+        let height = mesh.extent().z;
+        // On its edge, turned about two axes.
+        let turn = geometry::Pose::new(Vec3::ZERO, Vec3::new(0.5, 0.3, 0.0));
+        let vertices = mesh.vertices.iter().map(|v| turn * *v);
+        let mut file: String = vertices.map(|v| format!("v {} {} {}\n", v.x, v.y, v.z)).collect();
+        file.extend(
+            mesh.triangles
+                .iter()
+                .map(|t| t.map(|i| i + 1))
+                .map(|[a, b, c]| format!("f {a} {b} {c}\n")),
+        );
+        let found =
+            brought::read("tilted.obj", file.as_bytes(), Told::default(), &mut host).unwrap();
+        println!("{name}: {:?}, {} of {height} m high", found.stands, found.object.size().z);
+        assert_eq!(found.stands.1, Because::Laid, "{name}");
+        assert!(
+            (found.object.size().z - height).abs() < 0.01 * height,
+            "{name}: {:?}",
+            found.stands
+        );
+    }
 }
 
 fn begin(workcell: &Workcell, object: &Object) -> Attempt {

@@ -1,7 +1,8 @@
 //! An object from the bytes of a mesh file, which says nothing of its unit, its mass and the side that it stands on:
-//! what nobody says of them is assumed, so that the same file and the same words give the same object everywhere.
+//! what nobody says of them is assumed, so that the same file and the same words give the same object
+//! everywhere; unless a [`Guide`] laid it, when [`Brought::stands`] has to be told along.
 
-use crate::mesh::{self, Healing, Import, MeshError, Unit, UnitGuess};
+use crate::mesh::{self, Healing, Import, Mesh, MeshError, Simplified, Unit, UnitGuess};
 use crate::object::{MESH_FRICTION, Object};
 
 /// Density (kg/m³) of a mesh of which nobody says what it weighs: that of a packed box of food.
@@ -44,7 +45,8 @@ pub enum MassFrom {
 }
 
 /// Why an object stands as it does.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "camelCase")]
 pub enum Because {
     /// Somebody or the file has it so, and there is nothing to say about it.
     Given,
@@ -52,6 +54,8 @@ pub enum Because {
     DrawnYUp,
     /// As its file has it, it would fall over: it lies on its steadiest side.
     WouldFall,
+    /// It would fall over, and lies as [`Guide::lay`] has it.
+    Laid,
 }
 
 /// An object from a mesh file, and what was found out and assumed.
@@ -63,6 +67,8 @@ pub struct Brought {
     pub unit: UnitGuess,
     /// What was repaired.
     pub healing: Healing,
+    /// What was made of it before, if it had too many triangles.
+    pub simplified: Option<Simplified>,
     /// Whether it is weighed by its convex hull, because its surface does not close.
     pub is_weighed_by_hull: bool,
     /// Where its mass comes from.
@@ -84,18 +90,33 @@ pub enum Stage {
     Parts,
 }
 
-/// Makes an object of a mesh file, and says what it is at.
+/// Who has a mesh read.
+pub trait Guide {
+    /// Hears what reading is at.
+    fn at(&mut self, _: Stage) {}
+
+    /// On which of its sides a mesh lies that would fall over, of which nobody says how it stands; `None` leaves it on the
+    /// steadiest, the first one.
+    fn lay(&mut self, _: impl Iterator<Item = Mesh>) -> Option<usize> {
+        None
+    }
+}
+
+/// Nobody in particular.
+impl Guide for () {}
+
+/// Makes an object of a mesh file.
 pub fn read(
     file_name: &str,
     bytes: &[u8],
     told: Told,
-    at: &mut dyn FnMut(Stage),
+    guide: &mut impl Guide,
 ) -> Result<Brought, MeshError> {
-    at(Stage::Triangles);
-    let Import { mesh, unit, healing, is_drawn_y_up } = mesh::import(bytes, told.unit)?;
+    guide.at(Stage::Triangles);
+    let Import { mesh, unit, healing, simplified, is_drawn_y_up } = mesh::import(bytes, told.unit)?;
     let solid = mesh::solid(&mesh, healing.watertight)?;
     let (kg, mass) = weigh(solid.volume, told.mass);
-    at(Stage::Sides);
+    guide.at(Stage::Sides);
     let mut rests = mesh::rests(&mesh.vertices, solid.center);
     // What is round has many sides, each steadier than to stand upright.
     let stays = rests.is_empty() || rests.iter().any(mesh::Rest::is_as_it_is);
@@ -108,19 +129,25 @@ pub fn read(
         (Some(stands), _) => (stands, Because::Given),
         (None, Some(side)) => (Stands::On(side.min(MOST_RESTS)), Because::DrawnYUp),
         (None, None) if stays => (Stands::AsInFile, Because::Given),
-        (None, None) => (Stands::On(0), Because::WouldFall),
+        (None, None) => {
+            match guide.lay(rests.iter().map(|side| mesh.clone().turned(&side.rotation))) {
+                Some(side) => (Stands::On(side), Because::Laid),
+                None => (Stands::On(0), Because::WouldFall),
+            }
+        }
     };
     let (mesh, stands) = match stands {
         Stands::On(side) if side < rests.len() => (mesh.turned(&rests[side].rotation), stands),
         _ => (mesh, Stands::AsInFile),
     };
-    at(Stage::Parts);
+    guide.at(Stage::Parts);
     let parts = mesh::convex_parts_or_hull(&mesh).hulls;
     let object = Object::new(file_name, mesh, healing.watertight, parts, kg, MESH_FRICTION)?;
     Ok(Brought {
         object,
         unit,
         healing,
+        simplified,
         is_weighed_by_hull: solid.from_hull,
         mass,
         sides: rests.len(),
@@ -147,10 +174,25 @@ mod tests {
         v 0 60 120\nf 1 4 3 2\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n";
 
     fn brought(text: &str, told: Told) -> Brought {
-        let mut stages = Vec::new();
-        let found = read("box.obj", text.as_bytes(), told, &mut |stage| stages.push(stage));
-        assert_eq!(stages, [Stage::Triangles, Stage::Sides, Stage::Parts]);
-        found.unwrap()
+        let mut host = Host::default();
+        let found = read("box.obj", text.as_bytes(), told, &mut host).unwrap();
+        assert_eq!(host.0, [Stage::Triangles, Stage::Sides, Stage::Parts]);
+        found
+    }
+
+    /// Wants what would fall over to stand as high as it can.
+    #[derive(Default)]
+    struct Host(Vec<Stage>);
+
+    impl Guide for Host {
+        fn at(&mut self, stage: Stage) {
+            self.0.push(stage);
+        }
+
+        fn lay(&mut self, sides: impl Iterator<Item = Mesh>) -> Option<usize> {
+            let heights = sides.map(|mesh| mesh.extent().z).enumerate();
+            heights.max_by(|(_, a), (_, b)| a.total_cmp(b)).map(|(side, _)| side)
+        }
     }
 
     #[test]
@@ -181,9 +223,16 @@ mod tests {
     }
 
     #[test]
-    fn what_would_fall_over_lies_on_its_steadiest_side() {
+    fn what_would_fall_over_lies_on_its_steadiest_side_or_as_its_guide_has_it() {
         let tilted = BOX.replace("v 40 60 0", "v 40 60 90").replace("v 40 0 0", "v 40 0 90");
-        assert_eq!(brought(&tilted, Told::default()).stands, (Stands::On(0), Because::WouldFall));
+        let lying = read("box.obj", tilted.as_bytes(), Told::default(), &mut ()).unwrap();
+        assert_eq!(lying.stands, (Stands::On(0), Because::WouldFall));
+        let upright = brought(&tilted, Told::default());
+        assert!(matches!(upright.stands, (Stands::On(1..), Because::Laid)), "{:?}", upright.stands);
+        assert!(upright.object.size().z > lying.object.size().z);
+        // A side that is told is not asked for.
+        let told = Told { stands: Some(Stands::On(0)), ..Told::default() };
+        assert_eq!(brought(&tilted, told).stands, (Stands::On(0), Because::Given));
         // A side that it does not have is none that it can be put on.
         let told = Told { stands: Some(Stands::On(77)), ..Told::default() };
         assert_eq!(brought(BOX, told).stands.0, Stands::AsInFile);

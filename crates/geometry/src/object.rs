@@ -117,9 +117,7 @@ impl Object {
         mass: f32,
         friction: f32,
     ) -> Result<Self, MeshError> {
-        let [min, max] = mesh.bounds();
-        let middle = 0.5 * (min + max);
-        let shift = -Vec3::new(middle.x, middle.y, min.z);
+        let shift = mesh.footing();
         let mesh = mesh.translated(shift);
         let parts = parts
             .into_iter()

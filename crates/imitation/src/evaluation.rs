@@ -1,10 +1,11 @@
 //! Evaluation: attempts by the protocol, counted with the Wilson interval and the reasons of failure.
 
 use anyhow::Result;
+use geometry::catalog::base_of;
 use geometry::object::Object;
 use rayon::prelude::*;
 use robot::Isometry;
-use rollout::{Attempt, Controller, Motion, Verdict, Workcell};
+use rollout::{Attempt, Controller, Likeness, Motion, Verdict, Workcell};
 use std::collections::BTreeMap;
 
 /// One attempt of an evaluation.
@@ -23,9 +24,9 @@ pub struct Row {
     /// How far it kept off before it closed ([`Attempt::clearance`], m).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub clearance: Option<f32>,
-    /// How unlike what the encoder learned from the object looked ([`Attempt::unlikeness`], m), where one was asked.
+    /// How like what the model learned from the object looked ([`Attempt::likeness`]), where one was asked.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub unlikeness: Option<f32>,
+    pub likeness: Option<Likeness>,
     /// Where the hand came to hold it ([`Attempt::object_from_palm`]), as files of grasps have it: which grasp was tried.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub object_from_palm: Option<Isometry>,
@@ -59,11 +60,27 @@ pub struct Report {
 }
 
 impl Report {
-    /// The median of how unlike what the encoder learned from the object looked (m).
-    pub fn unlikeness(&self) -> Option<f32> {
-        let mut found: Vec<f32> = self.rows.iter().filter_map(|row| row.unlikeness).collect();
+    /// How far (m) the encoder was off, the median.
+    pub fn off(&self) -> Option<f32> {
+        let mut found: Vec<f32> = self.likenesses().map(|likeness| likeness.off).collect();
         found.sort_by(f32::total_cmp);
         found.get(found.len() / 2).copied()
+    }
+
+    /// What the object looked like most often, of what the model learned from.
+    pub fn most_like(&self) -> Option<&str> {
+        let mut counts = BTreeMap::new();
+        for nearest in self.likenesses().filter_map(|likeness| likeness.most.as_ref()) {
+            // Those of other proportions count as the one that they are made of.
+            let name = nearest.object.as_str();
+            let base = base_of(name).map_or(name, |(base, _)| base);
+            *counts.entry(base).or_insert(0) += 1;
+        }
+        counts.into_iter().max_by_key(|(_, count)| *count).map(|(object, _)| object)
+    }
+
+    fn likenesses(&self) -> impl Iterator<Item = &Likeness> {
+        self.rows.iter().filter_map(|row| row.likeness.as_ref())
     }
 }
 
@@ -93,7 +110,7 @@ pub fn evaluate(
                 state_hash: attempt.state_hash(),
                 motion: attempt.motion(),
                 clearance: attempt.clearance(workcell),
-                unlikeness: attempt.unlikeness(workcell),
+                likeness: attempt.likeness(workcell),
                 object_from_palm: attempt.object_from_palm(workcell),
             })
         })

@@ -5,9 +5,12 @@ use policy::Encoding;
 use rand::{Rng, RngExt};
 use rayon::prelude::*;
 use robot::{DOF, JointVector};
+use std::sync::Arc;
 
 /// Demonstrations of one way to grasp one object pose, and its clouds, encoded.
 pub struct Lesson {
+    /// Name of the object.
+    pub object: Arc<str>,
     /// Number of the object pose: turned about the robot it is the same one.
     pub pose: usize,
     /// Demonstrations.
@@ -128,6 +131,7 @@ mod tests {
             _ => 0.0,
         });
         Lesson {
+            object: "box".into(),
             pose,
             demonstrations: Demonstrations::new(rows.collect(), vec![0, 1]),
             encodings: vec![Encoding { bearing, z: vec![z] }],

@@ -7,15 +7,17 @@ use crate::nn::Params;
 use anyhow::Result;
 use dataset::store;
 use policy::model::{ModelConfig, VERSION};
+use policy::start::OBJECTS;
 use robot::DOF;
 use safetensors::SafeTensors;
+use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 
 /// The bytes of a model's files.
 pub struct ModelFiles {
     /// Encoder, decoder and policy in half precision.
     pub weights: Vec<u8>,
-    /// Start configurations with the z at which they were demonstrated, in half precision.
+    /// Start configurations with the z at which they were demonstrated, in half precision, and of which objects.
     pub starts: Vec<u8>,
     /// [`ModelConfig`] as JSON.
     pub config: Vec<u8>,
@@ -37,8 +39,9 @@ pub fn model_files(
 ) -> Result<ModelFiles> {
     let whitening = encoder.whitening.tensors();
     let policy = policy.with_mantissa(MANTISSA_BITS)?.export(&[])?;
-    let weights = merge(&[encoder.params.export(&whitening)?, policy])?;
+    let weights = merge(&[encoder.params.export(&whitening)?, policy], None)?;
     let (mut z, mut q) = (Vec::new(), Vec::new());
+    let mut objects: Vec<(&str, usize)> = Vec::new();
     for lesson in lessons.iter().filter(|lesson| lesson.has_starts) {
         for trajectory in 0..lesson.demonstrations.trajectories().min(STARTS_PER_WAY) {
             let (first, _) = lesson.demonstrations.span(trajectory);
@@ -46,13 +49,18 @@ pub fn model_files(
             z.extend(&seen.z);
             let start = seen.in_front(&lesson.demonstrations.state(first).q);
             q.extend(start.iter().map(|x| *x as f32));
+            match objects.last_mut().filter(|(name, _)| *name == &*lesson.object) {
+                Some((_, count)) => *count += 1,
+                None => objects.push((&lesson.object, 1)),
+            }
         }
     }
     let count = q.len() / DOF;
     let mut table = Params::default();
     table.add("starts.z", &[count, config.policy.observation.size()], z)?;
     table.add("starts.q", &[count, DOF], q)?;
-    let starts = table.export(&[])?;
+    let note = (OBJECTS.to_owned(), serde_json::to_string(&objects)?);
+    let starts = merge(&[table.export(&[])?], Some(HashMap::from([note])))?;
     let config = serde_json::to_vec_pretty(&ModelConfig {
         version: VERSION,
         policy: config.policy.clone(),
@@ -78,19 +86,19 @@ pub fn write_files(out: &Path, files: &ModelFiles) -> Result<()> {
     store::write(&out.join("config.json"), &files.config)
 }
 
-/// One safetensors file out of several.
-fn merge(files: &[Vec<u8>]) -> Result<Vec<u8>> {
+/// One safetensors file out of several, with notes in its header.
+fn merge(files: &[Vec<u8>], notes: Option<HashMap<String, String>>) -> Result<Vec<u8>> {
     let parsed = files
         .iter()
         .map(|bytes| Ok(SafeTensors::deserialize(bytes)?))
         .collect::<Result<Vec<_>>>()?;
-    let mut views = std::collections::BTreeMap::new();
+    let mut views = BTreeMap::new();
     for tensors in &parsed {
         for name in tensors.names() {
             views.insert(name.to_owned(), tensors.tensor(name)?);
         }
     }
-    Ok(safetensors::serialize(views, None)?)
+    Ok(safetensors::serialize(views, notes)?)
 }
 
 #[cfg(test)]
@@ -113,6 +121,7 @@ mod tests {
         let rows: Vec<f32> = (0..4 * DOF).map(|i| 0.01 * (i % DOF) as f32).collect();
         let z = vec![0.5; LATENT];
         let lesson = Lesson {
+            object: "mug.1".into(),
             pose: 0,
             demonstrations: Demonstrations::new(rows, vec![0, 2]),
             encodings: vec![Encoding { bearing: 0.3, z: z.clone() }],
@@ -134,5 +143,9 @@ mod tests {
             assert!((start[0] - first[0] - (bearing - 0.3)).abs() < 1e-3, "{}", start[0]);
             assert!((start - first).rows(1, DOF - 1).amax() < 1e-3);
         }
+        // Nearest is the object that it learned from, at the distance in z.
+        let off = vec![0.75; LATENT];
+        let (object, distance) = model.starts.most_like(&off).unwrap();
+        assert!(object == "mug.1" && (distance - 0.25 * (LATENT as f32).sqrt()).abs() < 1e-5);
     }
 }

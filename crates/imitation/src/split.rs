@@ -8,6 +8,7 @@ use anyhow::Result;
 use dataset::Dataset;
 use policy::{Encoding, Observation};
 use rollout::Library;
+use std::sync::Arc;
 
 /// Every tenth object pose is held out.
 pub fn is_held_out(index: usize) -> bool {
@@ -22,7 +23,8 @@ pub fn lessons(
     poses: usize,
 ) -> Result<(Vec<Lesson>, Vec<Lesson>)> {
     let (mut taught, mut held_out) = (Vec::new(), Vec::new());
-    for object in 0..dataset.config.objects.len() {
+    for (object, name) in dataset.config.objects.iter().enumerate() {
+        let name: Arc<str> = name.as_str().into();
         for (index, record) in dataset.poses(object)?.into_iter().enumerate() {
             let is_left_out = index >= poses && !is_held_out(index);
             if is_left_out || record.offsets.len() < 2 {
@@ -34,6 +36,7 @@ pub fn lessons(
             for (turn, encodings) in record.turns.iter().zip(seen) {
                 let lessons = if is_held_out(index) { &mut held_out } else { &mut taught };
                 lessons.extend(ways.iter().map(|way| Lesson {
+                    object: name.clone(),
                     pose: object * dataset.config.poses + index,
                     demonstrations: way.turned(*turn),
                     encodings: encodings.to_vec(),

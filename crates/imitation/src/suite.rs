@@ -65,7 +65,7 @@ pub(crate) mod samples {
             state_hash: String::new(),
             motion: None,
             clearance: None,
-            unlikeness: None,
+            likeness: None,
             object_from_palm: None,
         };
         let lifted = lifts.iter().filter(|lifts| **lifts).count();

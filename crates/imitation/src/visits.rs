@@ -106,6 +106,7 @@ pub(crate) mod samples {
             z: vec![pose as f32 + off as f32; policy::LATENT],
         };
         Lesson {
+            object: "box".into(),
             pose,
             demonstrations: Demonstrations::new(rows, vec![0, 3]).turned(turn),
             encodings: vec![cloud(0.01), cloud(-0.02)],

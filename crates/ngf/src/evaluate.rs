@@ -181,8 +181,8 @@ pub(crate) fn print(report: &Report) {
     let [low, high] = report.wilson95.map(|x| 100.0 * x);
     let failures: Vec<String> =
         report.failures.iter().map(|(reason, count)| format!("{count} {reason}")).collect();
-    let unlike =
-        report.unlikeness().map(|m| format!("; the encoder is off by {:.1} mm", 1000.0 * m));
+    let off = report.off().map(|m| format!("; the encoder is off by {:.1} mm", 1000.0 * m));
+    let like = report.most_like().map(|object| format!("; most like {object}"));
     println!(
         "{:18} {:14} {:3} of {:3} lifted, 95 % interval {low:.0}..{high:.0} %  {}{}",
         report.policy,
@@ -190,7 +190,7 @@ pub(crate) fn print(report: &Report) {
         report.lifted,
         report.attempts,
         failures.join(", "),
-        unlike.unwrap_or_default()
+        like.unwrap_or_default() + &off.unwrap_or_default()
     );
 }
 

@@ -80,7 +80,7 @@ fn follow(link: &Link, options: &Options) -> Result<()> {
         Some(file) => {
             let bytes =
                 objects::read(file).with_context(|| format!("cannot read {}", file.display()))?;
-            let found = brought::read(name, &bytes, link.told, &mut |_| ());
+            let found = brought::read(name, &bytes, link.told, &mut ());
             found.with_context(|| format!("{} cannot be used", file.display()))?.object
         }
         None => built_in_object(name).context("the link is about a file: give it with --mesh")?,

@@ -5,6 +5,7 @@ use crate::encoding::Encoding;
 use crate::mlp::{Activation, Mlp};
 use crate::weights::{Tensors, WeightsError};
 use robot::{DOF, Isometry, JointVector, Limits, Tree, rotation};
+use std::sync::Arc;
 
 /// Start configurations by object and wanted pose of the palm.
 #[derive(Clone, Debug)]
@@ -31,7 +32,13 @@ pub struct Start {
     pub q: JointVector,
     /// Pose of the palm there.
     pub palm: Isometry,
+    /// Name of the object, where the file tells it.
+    pub object: Option<Arc<str>>,
 }
+
+/// Name of the note in the file of a table that tells the objects: `[[name, number of starts], ...]` as JSON, in the order
+/// of the starts.
+pub const OBJECTS: &str = "objects";
 
 /// Name of the network's layers.
 pub const NAME: &str = "start";
@@ -88,11 +95,24 @@ impl Starts {
         let count = tensors.shape("starts.q")?.first().copied().unwrap_or(0);
         let z = tensors.get("starts.z", &[count, object])?;
         let q = tensors.get("starts.q", &[count, DOF])?;
-        let start = |(z, q): (&[f32], &[f32])| {
-            let q = JointVector::from_fn(|i, _| f64::from(q[i]));
-            Start { z: z.to_vec(), q, palm: tree.kinematics(&q).palm() }
+        let names = match tensors.note(OBJECTS) {
+            Some(note) => names(note, count)?,
+            None => vec![None; count],
         };
-        Ok(Self::Table(z.chunks_exact(object).zip(q.chunks_exact(DOF)).map(start).collect()))
+        let rows = z.chunks_exact(object).zip(q.chunks_exact(DOF)).zip(names);
+        let starts = rows.map(|((z, q), object)| {
+            let q = JointVector::from_fn(|i, _| f64::from(q[i]));
+            Start { z: z.to_vec(), q, palm: tree.kinematics(&q).palm(), object }
+        });
+        Ok(Self::Table(starts.collect()))
+    }
+
+    /// The object whose encoding at some pose is nearest to z, and how far away that is; of a table that tells its objects.
+    pub fn most_like(&self, z: &[f32]) -> Option<(&str, f32)> {
+        let Self::Table(starts) = self else { return None };
+        let distance = |start: &Start| squared_distance(&start.z, z);
+        let nearest = starts.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)))?;
+        Some((nearest.object.as_deref()?, libm::sqrt(distance(nearest)) as f32))
     }
 
     /// Where (rad) an attempt with an object begins whose palm should be at `target`; `None` if the table is empty.
@@ -124,6 +144,18 @@ pub fn look_up<'a>(starts: &'a [Start], z: &[f32], target: &Isometry) -> Option<
     of_pose.min_by(|a, b| distance(a).total_cmp(&distance(b)))
 }
 
+/// The name of each start's object.
+fn names(note: &str, wanted: usize) -> Result<Vec<Option<Arc<str>>>, WeightsError> {
+    let malformed = |error: serde_json::Error| WeightsError::Objects(error.to_string());
+    let objects: Vec<(String, usize)> = serde_json::from_str(note).map_err(malformed)?;
+    let found = objects.iter().fold(0, |sum: usize, (_, count)| sum.saturating_add(*count));
+    if found != wanted {
+        return Err(WeightsError::Objects(format!("it names those of {found}, and has {wanted}")));
+    }
+    let rows = objects.into_iter().flat_map(|(name, count)| vec![Some(Arc::from(name)); count]);
+    Ok(rows.collect())
+}
+
 fn squared_distance(a: &[f32], b: &[f32]) -> f64 {
     a.iter().zip(b).map(|(a, b)| f64::from(a - b) * f64::from(a - b)).sum()
 }
@@ -140,6 +172,17 @@ mod tests {
 
     fn tree() -> Tree {
         Tree::iiwa7_allegro().unwrap()
+    }
+
+    #[test]
+    fn each_start_has_the_object_that_the_note_tells() {
+        let found = names(r#"[["mug", 2], ["box.1", 1]]"#, 3).unwrap();
+        let found: Vec<&str> = found.iter().flatten().map(|name| &**name).collect();
+        assert_eq!(found, ["mug", "mug", "box.1"]);
+        for note in ["mug", r#"[["mug", 2]]"#, r#"[["mug", 18446744073709551615], ["a", 9]]"#] {
+            let message = names(note, 3).unwrap_err().to_string();
+            assert!(message.starts_with("the file does not tell of which objects"), "{message}");
+        }
     }
 
     #[test]

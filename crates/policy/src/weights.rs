@@ -2,6 +2,7 @@
 
 use half::f16;
 use safetensors::{Dtype, SafeTensors};
+use std::collections::HashMap;
 
 /// Why weights cannot be used.
 #[derive(Debug, thiserror::Error)]
@@ -27,6 +28,11 @@ pub enum WeightsError {
     /// A value is not finite.
     #[error("the tensor {0} holds a value that is not finite")]
     NotFinite(String),
+    /// What the starts are said to be of does not fit them.
+    #[error(
+        "the file does not tell of which objects its starts are: {0}; write it again with `ngf train`"
+    )]
+    Objects(String),
     /// A value of the configuration cannot be used.
     #[error("the model's configuration has {name} = {value}; write it again with `ngf train`")]
     Setting {
@@ -49,12 +55,22 @@ pub enum WeightsError {
 }
 
 /// A parsed weights file.
-pub struct Tensors<'a>(SafeTensors<'a>);
+pub struct Tensors<'a> {
+    tensors: SafeTensors<'a>,
+    notes: HashMap<String, String>,
+}
 
 impl<'a> Tensors<'a> {
     /// Parses the bytes; they are not copied.
     pub fn parse(bytes: &'a [u8]) -> Result<Self, WeightsError> {
-        Ok(Self(SafeTensors::deserialize(bytes)?))
+        let tensors = SafeTensors::deserialize(bytes)?;
+        let (_, header) = SafeTensors::read_metadata(bytes)?;
+        Ok(Self { tensors, notes: header.metadata().clone().unwrap_or_default() })
+    }
+
+    /// A note in the file's header.
+    pub fn note(&self, name: &str) -> Option<&str> {
+        self.notes.get(name).map(String::as_str)
     }
 
     /// Values of a tensor in half precision, row-major; single precision is rounded to the nearest.
@@ -68,7 +84,8 @@ impl<'a> Tensors<'a> {
 
     /// Values of a tensor in single precision, row-major.
     pub fn get(&self, name: &str, shape: &[usize]) -> Result<Vec<f32>, WeightsError> {
-        let tensor = self.0.tensor(name).map_err(|_| WeightsError::Missing(name.to_owned()))?;
+        let tensor =
+            self.tensors.tensor(name).map_err(|_| WeightsError::Missing(name.to_owned()))?;
         let bytes = tensor.data();
         let values: Vec<f32> = match tensor.dtype() {
             Dtype::F16 if tensor.shape() == shape => {
@@ -95,7 +112,8 @@ impl<'a> Tensors<'a> {
 
     /// Shape of a tensor.
     pub fn shape(&self, name: &str) -> Result<Vec<usize>, WeightsError> {
-        let tensor = self.0.tensor(name).map_err(|_| WeightsError::Missing(name.to_owned()))?;
+        let tensor =
+            self.tensors.tensor(name).map_err(|_| WeightsError::Missing(name.to_owned()))?;
         Ok(tensor.shape().to_vec())
     }
 }

@@ -52,7 +52,7 @@ pub fn pose_of_seed(robot: &Robot, seed: u64) -> [f32; 3] {
 }
 
 /// The pose is the first thing that an attempt draws; the rest follows from the same generator.
-fn drawn_pose(robot: &Robot, seed: u64) -> ([f32; 3], ChaCha8Rng) {
+pub(crate) fn drawn_pose(robot: &Robot, seed: u64) -> ([f32; 3], ChaCha8Rng) {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     (place::random_pose(robot, &mut rng), rng)
 }

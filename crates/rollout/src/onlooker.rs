@@ -2,8 +2,9 @@
 //! and pulling at it.
 
 use crate::attempt::Attempt;
+use crate::likeness::Likeness;
 use crate::workcell::Workcell;
-use geometry::{Vec3, cloud};
+use geometry::Vec3;
 use policy::encoding::from_front;
 use robot::JointState;
 use scene::{Contact, Pull, Simulation};
@@ -22,9 +23,9 @@ impl Attempt {
         Some(from_front(seen.bearing, &cloud))
     }
 
-    /// How far (m) what the encoder makes of the cloud is from the cloud: little for what is like that it learned from.
-    pub fn unlikeness(&self, workcell: &Workcell) -> Option<f32> {
-        Some(cloud::apart(&self.reconstruction(workcell)?, self.cloud()))
+    /// How like what the model learned from the object looks, where a policy was told z of its cloud.
+    pub fn likeness(&self, workcell: &Workcell) -> Option<Likeness> {
+        Likeness::of(workcell.model.as_ref()?, self.encoding.as_ref()?, self.cloud())
     }
 
     /// What presses on the object.

@@ -45,6 +45,11 @@ impl Surface {
         Some(Self::new(SharedShape::new(mesh), *world_from_mesh))
     }
 
+    /// The same elsewhere.
+    pub fn moved(&self, world_from_surface: &Pose) -> Self {
+        Self::new(self.shape.clone(), *world_from_surface)
+    }
+
     /// Table and robot standing in `q`: all that the camera sees besides the object.
     pub fn of_surroundings(config: &SceneConfig, tree: &Tree, q: &JointVector) -> Vec<Self> {
         let table = SharedShape::new(Cuboid::new(vec3(config.table.half)));

@@ -33,9 +33,18 @@ impl Eye {
     /// One frame without the sensor's errors.
     pub fn clean_frame(&self, mesh: &Mesh, world_from_object: &Pose) -> DepthImage {
         match Surface::of_mesh(mesh, world_from_object) {
-            Some(surface) => self.camera.render(&[surface], Some(&self.empty)),
+            Some(surface) => self.clean_frame_of(surface),
             None => self.empty.clone(),
         }
+    }
+
+    /// One noisy frame of a surface.
+    pub fn frame_of(&self, surface: Surface, rng: &mut impl Rng) -> DepthImage {
+        noise::apply(&self.clean_frame_of(surface), &self.config.camera, rng)
+    }
+
+    fn clean_frame_of(&self, surface: Surface) -> DepthImage {
+        self.camera.render(&[surface], Some(&self.empty))
     }
 
     /// The cloud of a frame, shape (num_points, 3), base frame; empty if nothing stands on the table.
