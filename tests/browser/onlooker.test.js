@@ -46,7 +46,7 @@ test("where the commands would have the hand is drawn, and how like what was lea
   assert.ok(await page.isChecked("#layer-target"));
   await graspSlowly(page);
   await phase(page, "hold");
-  assert.match(await page.textContent("#report-likeness"), /^like what it learned from: the encoder is off by [345]\.\d mm$/);
+  assert.match(await page.textContent("#report-likeness"), /^like what it learned from, most like the sugar box, [012]\.\d apart in z: the encoder is off by [345]\.\d mm$/);
   await screenshot(page, "target");
   // The thumb is turned as far as it goes: that is seen through what stands before it.
   await page.click("#pause");

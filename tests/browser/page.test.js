@@ -286,16 +286,3 @@ test("one finger moves the object, two come nearer and leave it where it is", as
   assert.deepEqual(complaints, []);
   await page.close();
 });
-
-test("graphics that are taken away come back", async () => {
-  const { page } = await visit(served);
-  await page.evaluate(() => {
-    const context = document.getElementById("view").getContext("webgl2");
-    globalThis.loss = context.getExtension("WEBGL_lose_context");
-    globalThis.loss.loseContext();
-  });
-  await page.waitForSelector('[data-code="graphics_lost"]');
-  await page.evaluate(() => globalThis.loss.restoreContext());
-  await page.waitForSelector('[data-code="graphics_lost"]', { state: "detached" });
-  await page.close();
-});

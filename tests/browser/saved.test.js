@@ -92,24 +92,6 @@ test("a file that is kept on the server comes with the link", async () => {
   await other.close();
 });
 
-test("without graphics verdicts are told all the same", async () => {
-  const dark = await open({ args: ["--disable-3d-apis"] });
-  try {
-    const { page } = await blank(dark);
-    await page.goto(dark.address);
-    await page.waitForSelector("[data-code=graphics_missing]");
-    await untilReady(page);
-    const { words } = await verdict(page);
-    assert.match(words, /\.$/);
-    // What cannot be done without a picture does no harm.
-    await page.click("#save-png");
-    await page.keyboard.press("c");
-    assert.ok(await page.isEnabled("#grasp"));
-  } finally {
-    await dark.close();
-  }
-});
-
 test("what is loaded goes on without a network, and what is not says so", async () => {
   const context = await served.browser.newContext({ reducedMotion: "reduce" });
   const page = await context.newPage();

@@ -3,10 +3,11 @@
 use crate::protocol::{Failure, ObjectLoaded, Report, Shape};
 use crate::statistics::Tally;
 use geometry::Vec3;
-use geometry::brought::{self, Because, Brought, DENSITY, MASSES, MassFrom, Stage, Told};
+use geometry::brought::{self, Because, Brought, DENSITY, Guide, MASSES, MassFrom, Stage, Told};
 use geometry::catalog::{LOOK_ALIKES, of_family};
-use geometry::mesh::{self, Mesh};
+use geometry::mesh::{self, Mesh, Simplified};
 use geometry::object::Object;
+use rollout::Workcell;
 
 /// An object, and what is told about it.
 pub(crate) struct Loaded {
@@ -51,21 +52,38 @@ pub(crate) fn built_in(name: &str) -> Result<Loaded, Failure> {
     Ok(Loaded { object, name: Some(name.to_owned()), label: label(name), report })
 }
 
+/// Says in words what reading a file is at, and asks the model how it lies.
+struct Reading<'a> {
+    file_name: &'a str,
+    workcell: &'a Workcell,
+    say: &'a dyn Fn(String),
+}
+
+impl Guide for Reading<'_> {
+    fn at(&mut self, stage: Stage) {
+        let file_name = self.file_name;
+        (self.say)(match stage {
+            Stage::Triangles => format!("Reading {file_name}"),
+            Stage::Sides => format!("Looking how {file_name} can stand"),
+            Stage::Parts => format!("Cutting {file_name} into convex parts"),
+        });
+    }
+
+    fn lay(&mut self, sides: impl Iterator<Item = Mesh>) -> Option<usize> {
+        self.workcell.most_familiar(sides)
+    }
+}
+
 /// An object from a mesh file; says in words what it is at.
 pub(crate) fn read(
     file_name: &str,
     bytes: &[u8],
     told: Told,
+    workcell: &Workcell,
     say: &dyn Fn(String),
 ) -> Result<Loaded, Failure> {
-    let mut at = |stage| {
-        say(match stage {
-            Stage::Triangles => format!("Reading {file_name}"),
-            Stage::Sides => format!("Looking how {file_name} can stand"),
-            Stage::Parts => format!("Cutting {file_name} into convex parts"),
-        });
-    };
-    let found = brought::read(file_name, bytes, told, &mut at).map_err(|error| {
+    let mut guide = Reading { file_name, workcell, say };
+    let found = brought::read(file_name, bytes, told, &mut guide).map_err(|error| {
         let message = error.to_string();
         // The message ends with the cure, as a sentence of its own.
         let (cause, cure) = message.rsplit_once(". ").unwrap_or((&message, "Try another file"));
@@ -80,6 +98,7 @@ pub(crate) fn read(
         reason: Some(format!("{}.", found.unit.reason)),
         sides: found.sides,
         stands: Some(found.stands.0),
+        because: Some(found.stands.1),
         notes: notes(&found),
         ..report_of(&found.object, found.healing.watertight)
     };
@@ -114,6 +133,7 @@ fn report_of(object: &Object, watertight: bool) -> Report {
         reason: None,
         sides: 0,
         stands: None,
+        because: None,
         fits: fits(&object.mesh),
         notes: Vec::new(),
     }
@@ -145,6 +165,10 @@ fn fits(mesh: &Mesh) -> String {
 /// What was repaired or assumed, as far as it changes what one sees or grasps.
 fn notes(found: &Brought) -> Vec<String> {
     let mut notes = Vec::new();
+    notes.extend(found.simplified.map(|Simplified { from, moved }| {
+        let most = 1000.0 * moved;
+        format!("Its {from} triangles were made fewer, which moved none by more than {most:.1} mm.")
+    }));
     let mut note = |count: usize, what: &str| {
         if count > 0 {
             notes.push(format!("{count} {what}"));
@@ -169,6 +193,9 @@ fn notes(found: &Brought) -> Vec<String> {
     let stands = match found.stands.1 {
         Because::Given => None,
         Because::DrawnYUp => Some("Its file looks drawn with y up, and it stands so."),
+        Because::Laid => Some(
+            "It would fall over as it stands in the file; it lies as it looks most like what the policy learned from.",
+        ),
         Because::WouldFall => {
             Some("It would fall over as it stands in the file; it lies on its steadiest side.")
         }
@@ -188,9 +215,14 @@ mod tests {
     const BOX: &str = "v 0 0 0\nv 40 0 0\nv 40 60 0\nv 0 60 0\nv 0 0 120\nv 40 0 120\nv 40 60 120\n\
         v 0 60 120\nf 1 4 3 2\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n";
 
+    /// Read where no model is there.
+    fn read(name: &str, text: &str, told: Told) -> Result<Loaded, Failure> {
+        super::read(name, text.as_bytes(), told, &Workcell::new().unwrap(), &|_| ())
+    }
+
     #[test]
     fn a_mesh_in_millimetres_becomes_an_object_with_mass_and_parts() {
-        let loaded = read("box.obj", BOX.as_bytes(), Told::default(), &|_| ()).unwrap();
+        let loaded = read("box.obj", BOX, Told::default()).unwrap();
         let report = &loaded.report;
         assert_eq!(report.unit, Some(Unit::Millimetre));
         assert!(report.watertight && report.parts == 1);
@@ -213,7 +245,7 @@ mod tests {
             |k: usize| format!("f {} {} {} {}\n", k + 1, (k + 1) % 8 + 1, (k + 1) % 8 + 9, k + 9);
         let text: String =
             ring(0.0).chain(ring(200.0)).chain(caps).chain((0..8).map(side)).collect();
-        read("bottle.obj", text.as_bytes(), Told::default(), &|_| ()).unwrap().report
+        read("bottle.obj", &text, Told::default()).unwrap().report
     }
 
     #[test]
@@ -234,22 +266,22 @@ mod tests {
     #[test]
     fn the_unit_can_be_set_right() {
         let told = Told { unit: Some(Unit::Centimetre), ..Told::default() };
-        let loaded = read("box.obj", BOX.as_bytes(), told, &|_| ()).unwrap();
+        let loaded = read("box.obj", BOX, told).unwrap();
         assert!((loaded.report.extent_cm[2] - 120.0).abs() < 1e-3);
     }
 
     #[test]
     fn it_stands_and_weighs_as_is_said() {
-        let loaded = read("box.obj", BOX.as_bytes(), Told::default(), &|_| ()).unwrap();
+        let loaded = read("box.obj", BOX, Told::default()).unwrap();
         assert_eq!((loaded.report.stands, loaded.report.sides), (Some(Stands::AsInFile), 6));
         let told = Told { mass: Some(0.25), stands: Some(Stands::On(0)), ..Told::default() };
-        let loaded = read("box.obj", BOX.as_bytes(), told, &|_| ()).unwrap();
+        let loaded = read("box.obj", BOX, told).unwrap();
         assert!((loaded.report.extent_cm[2] - 4.0).abs() < 1e-3, "{:?}", loaded.report.extent_cm);
         assert_eq!(loaded.object.mass, 0.25);
         assert_eq!(loaded.report.fits, "6.0 cm across at its narrowest: the hand gets round it");
         // On its edge it does not stand.
         let tilted = BOX.replace("v 40 60 0", "v 40 60 90").replace("v 40 0 0", "v 40 0 90");
-        let loaded = read("wedge.obj", tilted.as_bytes(), Told::default(), &|_| ()).unwrap();
+        let loaded = read("wedge.obj", &tilted, Told::default()).unwrap();
         assert_eq!(loaded.report.stands, Some(Stands::On(0)));
         assert!(loaded.report.notes.iter().any(|note| note.contains("fall over")));
     }
@@ -258,10 +290,7 @@ mod tests {
     fn what_is_too_wide_or_too_low_is_told() {
         let fits = |height: &str, unit| {
             let told = Told { unit: Some(unit), stands: Some(Stands::AsInFile), ..Told::default() };
-            read("box.obj", BOX.replace("120", height).as_bytes(), told, &|_| ())
-                .unwrap()
-                .report
-                .fits
+            read("box.obj", &BOX.replace("120", height), told).unwrap().report.fits
         };
         assert!(
             fits("30", Unit::Millimetre)
@@ -274,7 +303,7 @@ mod tests {
 
     #[test]
     fn a_bad_file_says_what_is_wrong_and_what_to_do() {
-        let failure = read("notes.txt", b"", Told::default(), &|_| ()).err().unwrap();
+        let failure = read("notes.txt", "", Told::default()).err().unwrap();
         assert_eq!(failure.code, "mesh_unusable");
         assert!(failure.cause.starts_with("notes.txt: the file is empty"), "{}", failure.cause);
         assert_eq!(failure.cure, "Export it again.");

@@ -140,7 +140,7 @@ impl Worker {
             ToWorker::Upload { file_name, bytes, unit, mass_kg, stands } => {
                 let told = Told { unit, mass: mass_kg, stands };
                 let say = |words| post(&FromWorker::Progress(Progress::begin(words)));
-                self.load(upload::read(&file_name, &bytes, told, &say));
+                self.load(upload::read(&file_name, &bytes, told, &self.stage.workcell, &say));
                 post(&FromWorker::Progress(Progress::end()));
             }
             ToWorker::Model { id, base, gently } => {

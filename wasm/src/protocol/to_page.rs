@@ -2,7 +2,7 @@
 
 use super::PlanarPose;
 use crate::statistics::Tally;
-use geometry::brought::Stands;
+use geometry::brought::{Because, Stands};
 use geometry::mesh::{Mesh, Unit};
 use js_sys::{Float32Array, Uint32Array};
 use rollout::Moment;
@@ -127,6 +127,8 @@ pub(crate) struct Report {
     /// Sides that hold it, and how it stands.
     pub(crate) sides: usize,
     pub(crate) stands: Option<Stands>,
+    /// Why it stands so; only for uploads.
+    pub(crate) because: Option<Because>,
     /// Whether the hand gets round it, and hold of it.
     pub(crate) fits: String,
     pub(crate) notes: Vec<String>,

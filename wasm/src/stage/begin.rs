@@ -80,7 +80,7 @@ impl Stage {
         };
         let points = array(attempt.cloud());
         let reconstruction = array(&attempt.reconstruction(&self.workcell).unwrap_or_default());
-        let likeness = attempt.unlikeness(&self.workcell).map(likeness::words);
+        let likeness = attempt.likeness(&self.workcell).as_ref().map(likeness::words);
         self.attempt = Some(attempt);
         self.is_told = false;
         self.settling = 0;

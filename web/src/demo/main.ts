@@ -21,6 +21,7 @@ import { endProgress, showProgress } from "./panel/progress";
 import { ReportCard } from "./panel/report";
 import { SearchPanel } from "./panel/search";
 import { SharePanel } from "./panel/share";
+import { shortcuts } from "./panel/shortcuts";
 import { makeSheet } from "./panel/sheet";
 import type { FromWorker, Model, PlanarPose, Ready, ToWorker } from "./protocol";
 import { save } from "./save";
@@ -81,7 +82,10 @@ const uploads = new Uploads({
 });
 const report = new ReportCard((part) => {
   const { file, lastTold } = situation;
-  if (file && lastTold) void uploads.begin(file, { ...lastTold, ...part });
+  if (!file || !lastTold) return;
+  // In another unit it looks otherwise, and what was guessed is guessed anew; else it stays as it is.
+  const stands = part.unit ? lastTold.stands : (lastTold.stands ?? situation.stands);
+  void uploads.begin(file, { ...lastTold, stands, ...part });
 });
 const batch = new BatchPanel({
   send,
@@ -93,7 +97,7 @@ const inside = new InsidePanel(send);
 const comparison = new Comparison({
   now: () => [...situation.now(), ...situation.coming()],
   picture: () => {
-    const picture = makeView("view-2", { place: () => {}, pull: () => {}, graphics, moved: () => {} });
+    const picture = makeView("view-2", { place: () => {}, pull: () => {}, graphics, sketched: () => {}, moved: () => {} });
     layers.apply((layer, on) => picture?.setLayer(layer, on));
     return picture;
   },
@@ -123,6 +127,7 @@ const view = makeView("view", {
   },
   moved: (stand) => comparison.stand(stand),
   graphics,
+  sketched: (why) => failures.show({ kind: "failure", code: "graphics_flat", ...FAILURES.graphicsFlat(why) }),
 });
 const share = new SharePanel({
   view: () => view?.stand() ?? null,
@@ -168,30 +173,7 @@ const help = element("help", HTMLDialogElement);
 element("help-open", HTMLButtonElement).addEventListener("click", () => help.showModal());
 
 onKeys(
-  {
-    g: () => attempt.grasp(),
-    r: () => attempt.newPose(),
-    " ": () => playback.toggle(),
-    ",": () => playback.back(),
-    ".": () => playback.step(),
-    l: () => void share.copy(),
-    i: () => element("inside", HTMLDetailsElement).querySelector("summary")?.click(),
-    Backspace: () => playback.reset(),
-    c: () => layers.press("cloud"),
-    m: () => layers.press("reconstruction"),
-    h: () => layers.press("hulls"),
-    f: () => layers.press("forces"),
-    t: () => layers.press("trail"),
-    j: () => layers.press("target"),
-    k: () => layers.press("limits"),
-    s: () => layers.press("sensor"),
-    "1": () => look("front"),
-    "2": () => look("side"),
-    "3": () => look("top"),
-    "4": () => look("sensor"),
-    "0": () => look("home"),
-    "?": () => help.showModal(),
-  },
+  shortcuts({ attempt, playback, share, layers, help, look }),
   (key) => view?.step(key) || pose.nudge(key),
 );
 
@@ -219,6 +201,8 @@ function receive(message: FromWorker): void {
       batch.clear();
       if (message.hash !== objectHash) search.clear();
       objectHash = message.hash;
+      // The second worker was not asked how it lies.
+      if (situation.because === "laid") comparison.send(situation.object()!);
       share.hasObject(message);
       arrival?.showObject(message);
       break;
@@ -302,8 +286,11 @@ async function showModel(model: Model): Promise<void> {
   const isFirst = isFirstModel;
   isFirstModel = false;
   arrival?.hasModel(model.hash);
+  if (isFirst) await brought;
+  // It was laid down before there was a policy to ask.
+  const { file, told, because } = situation;
+  if (model.id !== null && because === "wouldFall" && file && told) await uploads.begin(file, told);
   if (!isFirst || isCalm || arrival || !asked.brings || asked.plays) return;
-  await brought;
   whenSeen(() => attempt.grasp());
 }
 

@@ -5,6 +5,10 @@
 
 export type Unit = "m" | "cm" | "mm" | "in";
 
+// Why an object stands as it does: as it is told or drawn; it would fall over, and lies on its steadiest side; or it lies
+// as it looks most like what the policy learned from.
+export type Because = "given" | "drawnYUp" | "wouldFall" | "laid";
+
 // How an object stands: as in its file, or on one of the sides that hold it, the steadiest being 0.
 export type Stands = "asInFile" | { on: number };
 
@@ -109,6 +113,7 @@ export interface Report {
   // Sides that hold it, and how it stands; only for uploads.
   sides: number;
   stands: Stands | null;
+  because: Because | null;
   // Whether the hand gets round it, and hold of it.
   fits: string;
   notes: string[];

@@ -1,6 +1,6 @@
 // How things stand, as another worker is told: the object, once a worker has it, where it stands, how fast time goes.
 
-import type { Frame, ObjectLoaded, Told, ToWorker } from "./protocol";
+import type { Because, Frame, ObjectLoaded, Stands, Told, ToWorker } from "./protocol";
 
 type Upload = Extract<ToWorker, { kind: "upload" }>;
 
@@ -9,6 +9,9 @@ type Standing = { message: Upload; file: File } | { message: Extract<ToWorker, {
 
 export class Situation {
   #object: Standing | null = null;
+  // On which side it stands, and why, if it is a mesh.
+  #stands: Stands | null = null;
+  #because: Because | null = null;
   // Meshes that are being read, in their order.
   #coming: { message: Upload; file: File }[] = [];
   #pose: ToWorker | null = null;
@@ -26,13 +29,14 @@ export class Situation {
   }
 
   // Whether that is news: what stands in a new worker by itself gives way to what stood there before.
-  loaded({ name, label }: ObjectLoaded): boolean {
+  loaded({ name, label, report }: ObjectLoaded): boolean {
     const isByItself = this.#isNew;
     this.#isNew = false;
     if (isByItself && this.#object) return false;
     if (name !== null) this.#object = { message: { kind: "load", object: name }, file: null };
     // What plays may be about the file that stands there anyway.
     else if (this.#coming[0]?.file.name === label) this.#object = this.#coming.shift()!;
+    [this.#stands, this.#because] = [report.stands, report.because];
     return true;
   }
 
@@ -79,8 +83,24 @@ export class Situation {
     return last ? told(last.message) : this.told;
   }
 
+  // Why it stands as it does, if it is a mesh.
+  get because(): Because | null {
+    return this.file && this.#because;
+  }
+
+  // How it stands, said or guessed: in another worker another policy, or none, might guess otherwise.
+  get stands(): Stands | null {
+    return this.file && this.#stands;
+  }
+
   now(): ToWorker[] {
-    return [this.#object?.message, this.#pose, this.#speed].filter((message) => message != null);
+    return [this.object(), this.#pose, this.#speed].filter((message) => message != null);
+  }
+
+  // The message that puts the object there as it stands.
+  object(): ToWorker | null {
+    const message = this.#object?.message ?? null;
+    return message?.kind === "upload" ? { ...message, stands: message.stands ?? this.#stands } : message;
   }
 }
 

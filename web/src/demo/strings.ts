@@ -96,6 +96,7 @@ export const SHARE = {
   stopSending: "Stop sending",
   notSent: "It was not sent.",
   notKept: (why: string) => `This server does not keep the file: ${why}.`,
+  tooLarge: (file: string, most: number) => `${file} is larger than ${most} MB`,
   noServer: "no server answers",
   film: "Film",
   stop: "Stop",
@@ -132,7 +133,7 @@ export const CHECK = {
   webAssembly: { name: "WebAssembly", cure: UPDATE },
   simd: { name: "SIMD", cure: UPDATE },
   workers: { name: "Workers", cure: UPDATE },
-  webgl: { name: "WebGL 2", cure: "Turn on hardware acceleration. Without it nothing is drawn, but attempts run and verdicts are told." },
+  webgl: { name: "WebGL 2", cure: "Turn on hardware acceleration. Without it the picture is a flat sketch; everything else is as it should be." },
   storage: { name: "Storage", cure: "Meshes are forgotten when the page is left. Leave private browsing to keep them." },
   isolation: { name: "Isolation", told: "precise clocks", cure: "The host must send COOP and COEP, as `ngf serve` does. It works without, too." },
   memory: { name: "Memory", cure: "Close other pages." },
@@ -170,7 +171,8 @@ export const FILES = {
   damagedList: "its list of files is damaged",
   cutOff: "a part of it is missing: perhaps it was not copied as a whole",
   unknownPacking: (file: string) => `${file} is packed in a way that browsers do not know`,
-  tooLong: (file: string) => `${file} is larger than 50 MB`,
+  tooLong: (file: string) => `${file} is larger than 250 MB`,
+  tooMuch: "its files have more than 500 MB together",
   unusable: (cause: string) => ({ cause: `${cause}.`, cure: "Take the mesh out of it, and drop that." }),
   cut: (most: number) => ({ cause: `More than ${most} files can be read there: the first ${most} were taken.`, cure: "Bring the others in parts." }),
   unreadable: (file: string, why: string) => ({
@@ -202,8 +204,12 @@ export const FAILURES = {
     cause: "The browser took the graphics away.",
     cure: "They usually come back by themselves; the simulation goes on. Otherwise reload the page.",
   },
+  graphicsFlat: (why: string) => ({
+    cause: `There is no WebGL here, so the picture is a flat sketch: ${why}`,
+    cure: "Everything else works. For light and shadow turn on hardware acceleration, or try another browser.",
+  }),
   graphicsMissing: (why: string) => ({
-    cause: `There is no WebGL here, so nothing can be drawn: ${why}`,
-    cure: "The simulation runs and the verdicts are told all the same. Turn on hardware acceleration, or try another browser.",
+    cause: `Nothing can be drawn here: ${why}`,
+    cure: "The simulation runs and the verdicts are told all the same. Try another browser.",
   }),
 } as const;

@@ -12,6 +12,7 @@ import { Ghost } from "./ghost";
 import { Limits } from "./limits";
 import { Motion } from "./motion";
 import { Sharpness } from "./sharpness";
+import { Sketch } from "./sketch";
 import { Spring } from "./spring";
 import { Studio } from "./studio";
 import { Trail } from "./trail";
@@ -39,6 +40,8 @@ export interface ViewEvents {
   pull(pull: Pull | null): void;
   // The graphics were lost (false) or came back (true).
   graphics(works: boolean): void;
+  // There is no WebGL: the picture is a sketch.
+  sketched(why: string): void;
   // The viewer stands or looks elsewhere.
   moved(stand: number[]): void;
 }
@@ -48,7 +51,7 @@ export class View {
   readonly #events: ViewEvents;
   // Pictures are the processor's work: less is drawn, so that they come often enough.
   readonly #isPlain = isDrawnByProcessor();
-  readonly #renderer: WebGLRenderer;
+  readonly #renderer: WebGLRenderer | Sketch;
   readonly #scene = new Scene();
   readonly #viewpoint: Viewpoint;
   readonly #thing = new Thing();
@@ -71,13 +74,11 @@ export class View {
   #isAwake = false;
   #rest = 0;
 
-  // Throws where there is no WebGL.
+  // Throws where nothing can be drawn.
   constructor(canvas: HTMLCanvasElement, events: ViewEvents) {
     this.#canvas = canvas;
     this.#events = events;
-    this.#renderer = new WebGLRenderer({ canvas, antialias: !this.#isPlain, powerPreference: "high-performance" });
-    this.#renderer.shadowMap.enabled = true;
-    this.#renderer.shadowMap.type = this.#isPlain ? BasicShadowMap : PCFShadowMap;
+    this.#renderer = this.#begin();
     this.#viewpoint = new Viewpoint(canvas, () => this.#wake());
     this.#reconstruction.points.visible = false;
     const lines = [this.#forces.lines, this.#trail.line, this.#spring.line];
@@ -96,6 +97,20 @@ export class View {
     onColorsChange(() => this.#paint());
     this.#resize();
     this.#paint();
+  }
+
+  #begin(): WebGLRenderer | Sketch {
+    const canvas = this.#canvas;
+    try {
+      const renderer = new WebGLRenderer({ canvas, antialias: !this.#isPlain, powerPreference: "high-performance" });
+      renderer.shadowMap.enabled = true;
+      renderer.shadowMap.type = this.#isPlain ? BasicShadowMap : PCFShadowMap;
+      return renderer;
+    } catch (error) {
+      const sketch = new Sketch(canvas);
+      this.#events.sketched(String(error));
+      return sketch;
+    }
   }
 
   show(ready: Ready): void {
