@@ -77,6 +77,7 @@ fn serve() -> std::io::Result<(Runtime, Router, TempDir)> {
         models: folder.path().join("models"),
         program: "ngf".into(),
         places: 0,
+        free_bytes: 0,
     };
     let engine = runtime.block_on(Engine::open(config)).map_err(std::io::Error::other)?;
     let (_, running) = tokio::sync::watch::channel(false);

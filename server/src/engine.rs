@@ -15,6 +15,7 @@ mod hear;
 mod launch;
 mod report;
 mod settle;
+mod watch;
 
 pub use crate::job::{Progress, Worker};
 pub(crate) use estimate::Estimate;
@@ -34,6 +35,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::Duration;
 use tokio::sync::{Notify, oneshot};
+use watch::Watch;
 
 /// How jobs are done.
 #[derive(Clone, Debug)]
@@ -46,6 +48,8 @@ pub struct EngineConfig {
     pub program: PathBuf,
     /// Jobs at a time.
     pub places: usize,
+    /// With fewer bytes of the disk free, jobs that run get an alert.
+    pub free_bytes: u64,
 }
 
 /// File in the folder of a job that its process locks.
@@ -137,7 +141,7 @@ impl Engine {
         if let Err(error) = self.adopt().await {
             tracing::warn!(%error, "jobs that were running");
         }
-        let mut last = Utc::now();
+        let (mut last, mut watch) = (Utc::now(), Watch::default());
         loop {
             // A machine that slept, or whose clock was set, has not heard of its processes, and they are well.
             if (Utc::now() - last).abs() > SLEPT
@@ -148,6 +152,9 @@ impl Engine {
             last = Utc::now();
             if let Err(error) = self.look().await {
                 tracing::warn!(%error, "looking for jobs");
+            }
+            if let Err(error) = self.watch(&mut watch).await {
+                tracing::warn!(%error, "watching jobs");
             }
             tokio::select! {
                 () = self.wake.notified() => {}

@@ -197,6 +197,7 @@ async fn engine(options: &Options) -> anyhow::Result<Option<Arc<Engine>>> {
         models: options.models.clone(),
         program: std::env::current_exe().context("where this program is")?,
         places: options.places,
+        free_bytes: options.free.saturating_mul(GB),
     };
     Ok(Some(Engine::open(config).await?))
 }

@@ -42,40 +42,31 @@ pub(crate) async fn metrics(
     let (after, points) = (whole("after_step", 0)?, whole("max_points", STANDARD_POINTS)?);
     let is_asked =
         |name: &str| query.get("keys").is_none_or(|keys| keys.split(',').any(|key| key == name));
-    let rows = rows(&engine, &job, after as u64, is_asked).await?;
-    let mut names: Vec<String> = Vec::new();
-    for name in rows.iter().flat_map(|(_, row)| row.keys()) {
-        if !names.contains(name) {
-            names.push(name.clone());
-        }
-    }
-    let kept = thinned(&rows, &names, points.min(MOST_POINTS));
+    let course = course(&engine, &job, after as u64, is_asked).await?;
+    let kept = course.thinned(points.min(MOST_POINTS));
     match query.get("format").map(String::as_str) {
-        None | Some("json") => Ok(Json(columns(&kept, &names)).into_response()),
+        None | Some("json") => Ok(Json(course.columns(&kept)).into_response()),
         Some("ndjson") => {
-            Ok(([(header::CONTENT_TYPE, "application/x-ndjson")], ndjson(&kept)).into_response())
+            let text = course.ndjson(&kept);
+            Ok(([(header::CONTENT_TYPE, "application/x-ndjson")], text).into_response())
         }
         Some("csv") => {
-            let text = csv(&kept, &names);
+            let text = course.csv(&kept);
             Ok(([(header::CONTENT_TYPE, "text/csv; charset=utf-8")], text).into_response())
         }
         Some(_) => Err(Problem::invalid("format", "it is json, csv or ndjson")),
     }
 }
 
-/// What was measured at a step.
-type Row = (u64, Map<String, Value>);
-
-/// All that a job measured after a step (0: from the beginning on), in the order of steps.
-async fn rows(
+/// All that a job measured after a step (0: from the beginning on).
+async fn course(
     engine: &Engine,
     job: &Job,
     after: u64,
     is_asked: impl Fn(&str) -> bool,
-) -> Result<Vec<Row>, Problem> {
+) -> Result<Course, Problem> {
     let began = job.started_at.unwrap_or(job.created_at);
-    let mut rows: BTreeMap<u64, Map<String, Value>> = BTreeMap::new();
-    let (ids, mut last) = ([job.id.clone()], 0);
+    let (mut course, ids, mut last) = (Course::default(), [job.id.clone()], 0);
     loop {
         let page = engine.store.events(&ids, Some(Type::Metric), last, READ_AT_A_TIME).await?;
         let Some(newest) = page.last() else { break };
@@ -87,100 +78,173 @@ async fn rows(
             let Some(step) = values.remove("step").and_then(|step| step.as_u64()) else { continue };
             if step > after || after == 0 {
                 values.retain(|name, _| is_asked(name));
-                values.insert("wall".into(), json!(at.map(since)));
-                // What a process did again counts once.
-                rows.entry(step).or_default().extend(values);
+                let row = course.row(step);
+                for (name, value) in &values {
+                    course.set(name, row, value.as_f64());
+                }
+                course.set(WALL, row, at.map(since));
             }
         }
     }
-    Ok(rows.into_iter().collect())
+    Ok(course)
 }
 
-fn columns(rows: &[Row], names: &[String]) -> Map<String, Value> {
-    let column = |name: &str| -> Value {
-        rows.iter().map(|(_, row)| row.get(name).cloned().unwrap_or_default()).collect()
-    };
-    let steps = rows.iter().map(|(step, _)| json!(step)).collect();
-    let mut columns = Map::from_iter([("step".to_owned(), steps)]);
-    columns.extend(names.iter().map(|name| (name.clone(), column(name))));
-    columns
+/// Name of the column of the time since the job began (s).
+const WALL: &str = "wall";
+
+/// What a job measured, in columns: a million rows of seven take 60 MB.
+#[derive(Debug, Default)]
+struct Course {
+    /// Steps, in order, each once.
+    steps: Vec<u64>,
+    /// Names, in the order in which they were first measured, and a number for each step; not a number where there is
+    /// none.
+    columns: Vec<(String, Vec<f64>)>,
 }
 
-fn ndjson(rows: &[Row]) -> String {
-    let line = |(step, row): &Row| {
-        let mut row = row.clone();
-        row.insert("step".into(), json!(step));
-        format!("{}\n", Value::Object(row))
-    };
-    rows.iter().map(line).collect()
-}
-
-fn csv(rows: &[Row], names: &[String]) -> String {
-    let mut text = format!("step,{}\n", names.join(","));
-    for (step, row) in rows {
-        let cells = names.iter().map(|name| row.get(name).map_or(String::new(), cell));
-        text += &format!("{step},{}\n", cells.collect::<Vec<_>>().join(","));
-    }
-    text
-}
-
-/// A number as it is, anything else as a text in quotes.
-fn cell(value: &Value) -> String {
-    match value {
-        Value::Null => String::new(),
-        Value::Number(number) => number.to_string(),
-        other => format!("\"{}\"", other.to_string().replace('"', "\"\"")),
-    }
-}
-
-/// At most about `points` rows: of each stretch the least and the greatest of every column but the time, in their order.
-fn thinned(rows: &[Row], names: &[String], points: usize) -> Vec<Row> {
-    if rows.len() <= points.max(2) {
-        return rows.to_vec();
-    }
-    let columns: Vec<&String> = names.iter().filter(|name| *name != "wall").collect();
-    let stretches = (points / (2 * columns.len().max(1))).max(1);
-    let mut kept = BTreeSet::new();
-    for name in columns {
-        let value = |i: usize| rows[i].1.get(name).and_then(Value::as_f64);
-        let known: Vec<(usize, f64)> =
-            (0..rows.len()).filter_map(|i| Some((i, value(i)?))).collect();
-        // A column that has few values is cut where it has them.
-        for stretch in 0..stretches {
-            let [first, end] = [stretch, stretch + 1].map(|k| k * known.len() / stretches);
-            let order = |a: &&(usize, f64), b: &&(usize, f64)| a.1.total_cmp(&b.1);
-            let part = &known[first..end];
-            kept.extend(
-                [part.iter().min_by(order), part.iter().max_by(order)]
-                    .iter()
-                    .flatten()
-                    .map(|(i, _)| *i),
-            );
+impl Course {
+    /// The row of a step: what a process did again counts once.
+    fn row(&mut self, step: u64) -> usize {
+        if self.steps.last().is_none_or(|last| *last < step) {
+            self.steps.push(step);
+            return self.steps.len() - 1;
         }
+        self.steps.binary_search(&step).unwrap_or_else(|row| {
+            self.steps.insert(row, step);
+            for (_, values) in &mut self.columns {
+                if row < values.len() {
+                    values.insert(row, f64::NAN);
+                }
+            }
+            row
+        })
     }
-    kept.into_iter().map(|i| rows[i].clone()).collect()
+
+    /// Writes down what was measured; of what is no number nothing is kept.
+    fn set(&mut self, name: &str, row: usize, value: Option<f64>) {
+        let known = self.columns.iter().position(|(known, _)| known == name);
+        let column = known.unwrap_or_else(|| {
+            self.columns.push((name.to_owned(), Vec::new()));
+            self.columns.len() - 1
+        });
+        let values = &mut self.columns[column].1;
+        if values.len() <= row {
+            values.resize(row + 1, f64::NAN);
+        }
+        values[row] = value.unwrap_or(f64::NAN);
+    }
+
+    /// Of a column in a row; a whole number without a point.
+    fn cell(values: &[f64], row: usize) -> Value {
+        let value = values.get(row).copied().unwrap_or(f64::NAN);
+        let is_whole = value.fract() == 0.0 && value.abs() < 1e15;
+        if is_whole { json!(value as i64) } else { json!(value) }
+    }
+
+    fn columns(&self, rows: &[usize]) -> Map<String, Value> {
+        let steps = rows.iter().map(|row| json!(self.steps[*row])).collect();
+        let mut columns = Map::from_iter([("step".to_owned(), steps)]);
+        for (name, values) in &self.columns {
+            columns.insert(name.clone(), rows.iter().map(|row| Self::cell(values, *row)).collect());
+        }
+        columns
+    }
+
+    fn ndjson(&self, rows: &[usize]) -> String {
+        let line = |row: &usize| {
+            let mut values = Map::from_iter([("step".to_owned(), json!(self.steps[*row]))]);
+            let cells = self.columns.iter().map(|(name, of)| (name.clone(), Self::cell(of, *row)));
+            values.extend(cells.filter(|(_, cell)| !cell.is_null()));
+            format!("{}\n", Value::Object(values))
+        };
+        rows.iter().map(line).collect()
+    }
+
+    fn csv(&self, rows: &[usize]) -> String {
+        let names: Vec<&str> = self.columns.iter().map(|(name, _)| name.as_str()).collect();
+        let mut text = format!("step,{}\n", names.join(","));
+        for row in rows {
+            let cells = self.columns.iter().map(|(_, of)| match Self::cell(of, *row) {
+                Value::Null => String::new(),
+                cell => cell.to_string(),
+            });
+            text += &format!("{},{}\n", self.steps[*row], cells.collect::<Vec<_>>().join(","));
+        }
+        text
+    }
+
+    /// At most about `points` rows: of each stretch the least and the greatest of every column but the time, in their
+    /// order.
+    fn thinned(&self, points: usize) -> Vec<usize> {
+        if self.steps.len() <= points.max(2) {
+            return (0..self.steps.len()).collect();
+        }
+        let columns = || self.columns.iter().filter(|(name, _)| name != WALL);
+        let stretches = (points / (2 * columns().count().max(1))).max(1);
+        let mut kept = BTreeSet::new();
+        for (_, values) in columns() {
+            let known: Vec<usize> =
+                (0..values.len()).filter(|row| !values[*row].is_nan()).collect();
+            // A column that has few values is cut where it has them.
+            for stretch in 0..stretches {
+                let [first, end] = [stretch, stretch + 1].map(|k| k * known.len() / stretches);
+                let order = |a: &&usize, b: &&usize| values[**a].total_cmp(&values[**b]);
+                let part = &known[first..end];
+                kept.extend(part.iter().min_by(order));
+                kept.extend(part.iter().max_by(order));
+            }
+        }
+        kept.into_iter().collect()
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    fn course(steps: impl IntoIterator<Item = (u64, f64)>) -> Course {
+        let mut course = Course::default();
+        for (step, loss) in steps {
+            let row = course.row(step);
+            course.set("loss", row, Some(loss));
+        }
+        course
+    }
+
     #[test]
     fn thinning_keeps_the_peaks_and_the_order() {
-        let mut rows: Vec<Row> = (0..1000)
-            .map(|step| (step, Map::from_iter([("loss".to_owned(), json!(1.0))])))
-            .collect();
-        rows[617].1.insert("loss".into(), json!(9.0));
-        rows[311].1.insert("loss".into(), json!(0.1));
+        let mut long = course((0..1000).map(|step| match step {
+            617 => (step, 9.0),
+            311 => (step, 0.1),
+            _ => (step, 1.0),
+        }));
         // Another column has few values.
-        for (step, value) in [(250, 1), (500, 7), (750, 2)] {
-            rows[step].1.insert("exam".into(), json!(value));
+        for (step, value) in [(250, 1.0), (500, 7.0), (750, 2.0)] {
+            let row = long.row(step);
+            long.set("exam", row, Some(value));
         }
-        let names = ["exam", "loss", "wall"].map(str::to_owned);
-        let kept = thinned(&rows, &names, 40);
-        let steps: Vec<u64> = kept.iter().map(|(step, _)| *step).collect();
-        assert!(steps.len() <= 40 && steps.is_sorted(), "{steps:?}");
-        assert!([617, 311, 250, 500, 750].iter().all(|step| steps.contains(step)), "{steps:?}");
-        assert_eq!(thinned(&rows[..5], &names, 20).len(), 5);
+        let kept = long.thinned(40);
+        assert!(kept.len() <= 40 && kept.is_sorted(), "{kept:?}");
+        assert!([617, 311, 250, 500, 750].iter().all(|row| kept.contains(row)), "{kept:?}");
+        let short = course((0..5).map(|step| (step, 1.0)));
+        assert_eq!(short.thinned(20).len(), 5);
+    }
+
+    #[test]
+    fn what_is_done_again_counts_once_and_in_order() {
+        let mut course = course([(10, 3.0), (30, 1.0), (20, 2.0), (30, 1.5)]);
+        let row = course.row(10);
+        course.set("exam", row, Some(7.0));
+        course.set("note", row, json!("no number").as_f64());
+        let all = course.thinned(100);
+        let wanted = json!({
+            "step": [10, 20, 30], "loss": [3, 2, 1.5], "exam": [7, null, null], "note": [null, null, null],
+        });
+        assert_eq!(Value::Object(course.columns(&all)), wanted);
+        assert_eq!(course.csv(&all), "step,loss,exam,note\n10,3,7,\n20,2,,\n30,1.5,,\n");
+        let lines = course.ndjson(&all);
+        let lines: Vec<Value> = lines.lines().map(|l| serde_json::from_str(l).unwrap()).collect();
+        assert_eq!(lines[0], json!({ "step": 10, "loss": 3, "exam": 7 }));
+        assert_eq!((lines.len(), &lines[2]), (3, &json!({ "step": 30, "loss": 1.5 })));
     }
 }

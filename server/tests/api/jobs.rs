@@ -320,6 +320,7 @@ async fn a_program_that_always_crashes_is_given_up() {
         // Ends at once, and says nothing.
         program: "false".into(),
         places: 1,
+        free_bytes: 0,
     };
     let engine = Engine::open(config).await.unwrap();
     let state = AppState::new(folder.path(), folder.path());
@@ -344,4 +345,41 @@ async fn a_program_that_always_crashes_is_given_up() {
     assert!(alerts.iter().all(|alert| alert["type"] == "alert" && alert["level"] == "warn"));
     let problem = send(&app, "GET", &format!("{events}?type=news"), "").await;
     assert_problem(problem, 422, "invalid_parameter").await;
+}
+
+#[tokio::test]
+#[cfg(unix)]
+async fn of_a_disk_that_fills_up_those_are_told_whose_jobs_run() {
+    use std::os::unix::fs::PermissionsExt;
+    let folder = tempfile::tempdir().unwrap();
+    // Works for a while, whatever it is told.
+    let program = folder.path().join("works");
+    std::fs::write(&program, "#!/bin/sh\nexec sleep 60\n").unwrap();
+    std::fs::set_permissions(&program, std::fs::Permissions::from_mode(0o755)).unwrap();
+    let config = EngineConfig {
+        data: folder.path().join("data"),
+        models: folder.path().join("models"),
+        program,
+        places: 1,
+        free_bytes: u64::MAX,
+    };
+    let engine = Engine::open(config).await.unwrap();
+    let state = AppState::new(folder.path(), folder.path());
+    let app = app(state.with_engine(engine.clone(), tokio::sync::watch::channel(false).1));
+    let id = ask(&app, "x").await;
+    let working = tokio::spawn(engine.clone().work("http://127.0.0.1:9"));
+    let mut alerts = Value::Null;
+    for _ in 0..200 {
+        let path = format!("/jobs/{id}/events?type=alert");
+        alerts = json_of(send(&app, "GET", &path, "").await).await["data"].take();
+        if alerts[0].is_object() {
+            break;
+        }
+        tokio::time::sleep(std::time::Duration::from_millis(50)).await;
+    }
+    working.abort();
+    engine.rest().await;
+    assert_eq!(alerts.as_array().unwrap().len(), 1, "{alerts}");
+    assert_eq!(alerts[0]["data"]["code"], "disk_low", "{alerts}");
+    assert!(alerts[0]["message"].as_str().unwrap().starts_with("the disk has "), "{alerts}");
 }

@@ -34,6 +34,7 @@ async fn idle_in(folder: &Path) -> AppState {
         models: folder.join("models"),
         program: "ngf".into(),
         places: 1,
+        free_bytes: 0,
     };
     let engine = Engine::open(config).await.unwrap();
     let state = AppState::new(&folder.join("web"), &folder.join("models"));
