@@ -28,12 +28,29 @@ struct Peer {
     spread: Option<[f64; 2]>,
 }
 
+/// What a row may be at most, or has to be at least; on a machine of two cores that does nothing else.
+enum Budget {
+    Most(f64),
+    Least(f64),
+}
+
+/// Of the page, as somebody before it waits for it. Its clock never runs ahead, and counts whole ticks: real time is a
+/// little less than 1.
+const BUDGETS: [(&str, Budget); 6] = [
+    ("page_first_picture", Budget::Most(1500.0)),
+    ("page_second_picture", Budget::Most(500.0)),
+    ("page_code", Budget::Most(1.0)),
+    ("page_real_time_factor", Budget::Least(0.98)),
+    ("page_interaction_p95", Budget::Most(100.0)),
+    ("page_upload_to_verdict", Budget::Most(10_000.0)),
+];
+
 /// Turns in which our steps of training and those of the peer are measured one after the other.
 const TURNS: usize = 10;
 
 /// Measures, prints, and writes the rows to `json` if that is given; `peers` are measured too where there are
-/// any.
-pub(crate) fn run(place: &Place, json: Option<&Path>, peers: bool) -> Result<()> {
+/// any. Gives whether all budgets are kept.
+pub(crate) fn run(place: &Place, json: Option<&Path>, peers: bool) -> Result<bool> {
     place::run(&mut place.cargo(&["build", "-q", "-p", "ngf"]))?;
     let mut rows = native(place, &[])?;
     rows.extend(learning(place, peers)?);
@@ -60,7 +77,21 @@ pub(crate) fn run(place: &Place, json: Option<&Path>, peers: bool) -> Result<()>
         std::fs::write(file, serde_json::to_vec_pretty(&rows)?)
             .with_context(|| format!("cannot write {}", file.display()))?;
     }
-    Ok(())
+    let over: Vec<String> = BUDGETS.iter().filter_map(|budget| excess(&rows, budget)).collect();
+    over.iter().for_each(|words| println!("{words}"));
+    Ok(over.is_empty())
+}
+
+/// What is to be said if a budget is not kept, or nothing was measured for it.
+fn excess(rows: &[Row], (name, budget): &(&str, Budget)) -> Option<String> {
+    let Some(Row { value, unit, .. }) = rows.iter().find(|row| row.name == *name) else {
+        return Some(format!("{name} was not measured"));
+    };
+    let (is_kept, bound) = match budget {
+        Budget::Most(most) => (value <= most, format!("{most} at most")),
+        Budget::Least(least) => (value >= least, format!("{least} at least")),
+    };
+    (!is_kept).then(|| format!("{name} is {value:.3} {unit}: {bound}"))
 }
 
 /// The rows of `ngf bench`.
@@ -162,6 +193,18 @@ fn row(line: &str) -> Option<Row> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_is_out_of_its_budget_or_missing_is_told() {
+        let said = |line: &str, budget| excess(&[row(line).unwrap()], &("page_code", budget));
+        assert_eq!(said("row page_code 0.98 MB", Budget::Most(1.0)), None);
+        let over = said("row page_code 1.02 MB", Budget::Most(1.0)).unwrap();
+        assert_eq!(over, "page_code is 1.020 MB: 1 at most");
+        assert!(said("row page_code 0.9 MB", Budget::Least(1.0)).unwrap().ends_with("at least"));
+        assert!(said("row page_code NaN MB", Budget::Most(1.0)).is_some());
+        let missing = said("row page_size 0.98 MB", Budget::Most(1.0));
+        assert_eq!(missing.unwrap(), "page_code was not measured");
+    }
 
     #[test]
     fn rows_are_found_among_what_a_runner_prints() {

@@ -1,4 +1,4 @@
-//! Specs, and the operations that combine them: pullback and sum.
+//! Specs, and the operation that brings them together: pullback.
 
 use nalgebra::{SMatrix, SVector};
 use robot::{DOF, JointMatrix, JointVector};
@@ -32,19 +32,6 @@ impl Spec {
         self.metric += jacobian.transpose() * mj;
         self.force += jacobian.transpose() * (force + metric * bias);
     }
-
-    /// The acceleration that satisfies M q̈ + f = 0; `None` if M is not positive definite.
-    pub fn resolve(&self) -> Option<JointVector> {
-        Some(-self.metric.cholesky()?.solve(&self.force))
-    }
-}
-
-impl std::ops::Add for Spec {
-    type Output = Self;
-
-    fn add(self, other: Self) -> Self {
-        Self { metric: self.metric + other.metric, force: self.force + other.force }
-    }
 }
 
 #[cfg(test)]
@@ -63,22 +50,8 @@ mod tests {
         let metric = Matrix2::new(2.0, 0.3, 0.3, 1.0);
         let mut spec = Spec { metric: JointMatrix::identity() * 1e-9, force: JointVector::zeros() };
         spec.add_pulled_back(&jacobian(), &bias, &metric, &(-metric * wanted));
-        let got = jacobian() * spec.resolve().unwrap() + bias;
+        let resolved = -spec.metric.cholesky().unwrap().solve(&spec.force);
+        let got = jacobian() * resolved + bias;
         assert!((got - wanted).norm() < 1e-6, "{got} against {wanted}");
-    }
-
-    #[test]
-    fn sums_weigh_by_metric() {
-        let term = |weight: f64, acceleration: f64| Spec {
-            metric: JointMatrix::identity() * weight,
-            force: JointVector::from_element(-weight * acceleration),
-        };
-        let got = (term(3.0, 1.0) + term(1.0, 5.0)).resolve().unwrap();
-        assert!((got - JointVector::from_element(2.0)).norm() < 1e-12);
-    }
-
-    #[test]
-    fn an_indefinite_metric_has_no_acceleration() {
-        assert!(Spec::zero().resolve().is_none());
     }
 }
