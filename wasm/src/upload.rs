@@ -193,6 +193,9 @@ fn notes(found: &Brought) -> Vec<String> {
     let stands = match found.stands.1 {
         Because::Given => None,
         Because::DrawnYUp => Some("Its file looks drawn with y up, and it stands so."),
+        Because::Settled => {
+            Some("As it stands in the file it would tip a little; it stands on its foot.")
+        }
         Because::Laid => Some(
             "It would fall over as it stands in the file; it lies as it looks most like what the policy learned from.",
         ),

@@ -34,7 +34,7 @@ pub use mass::{Solid, solid};
 pub use parts::{Method, Parts, convex_parts, convex_parts_or_hull};
 pub use read::{MAX_BYTES, MAX_TRIANGLES, read};
 pub use report::Report;
-pub use rest::{Rest, rests};
+pub use rest::{Rest, rests, stands};
 pub use simplify::Simplified;
 pub use unit::{Unit, UnitGuess, guess};
 

@@ -20,6 +20,9 @@ pub struct Rest {
 const FLAT: f64 = 1e-4;
 /// What falls at a touch is no way to stand.
 const LEAST: f64 = 0.05;
+/// What is so near to the floor bears, as a share of the size; and of a foot that is not flat, as scans have it.
+const BEARS: f64 = 1e-3;
+const UNEVEN: f64 = 1e-2;
 /// Corners of the hull that is looked at.
 const HULL_POINTS: usize = 256;
 
@@ -27,6 +30,11 @@ impl Rest {
     /// Whether it already stands so (within 3 degrees).
     pub fn is_as_it_is(&self) -> bool {
         self.rotation.z_axis.z > 0.9986
+    }
+
+    /// Cosine of the angle by which it is tipped to stand so.
+    pub fn upright(&self) -> f64 {
+        self.rotation.z_axis.z
     }
 
     /// Whether what was along y is up then (within 3 degrees).
@@ -57,13 +65,19 @@ pub fn rests(points: &[Vec3], center: Vec3) -> Vec<Rest> {
         }
     }
     let mut rests: Vec<Rest> =
-        faces.into_iter().filter_map(|normal| rest(&hull, normal, center)).collect();
+        faces.into_iter().filter_map(|normal| rest(&hull, normal, center, BEARS)).collect();
     rests.sort_by(|a, b| b.steadiness.total_cmp(&a.steadiness));
     rests
 }
 
-/// Standing on the face with this outward normal, if that holds.
-fn rest(hull: &Mesh, normal: DVec3, center: DVec3) -> Option<Rest> {
+/// Whether it stands as it is, on a foot that need not be flat: it may rock there.
+pub fn stands(points: &[Vec3], center: Vec3) -> bool {
+    let hull = hull(points, HULL_POINTS);
+    hull.and_then(|hull| rest(&hull, -DVec3::Z, center.as_dvec3(), UNEVEN)).is_some()
+}
+
+/// Standing on the face with this outward normal, if that holds; what is nearer to the floor than `bears` bears.
+fn rest(hull: &Mesh, normal: DVec3, center: DVec3, bears: f64) -> Option<Rest> {
     let rotation = turn_down(normal);
     let turned: Vec<DVec3> =
         hull.vertices.iter().map(|v| rotation * (v.as_dvec3() - center)).collect();
@@ -71,7 +85,7 @@ fn rest(hull: &Mesh, normal: DVec3, center: DVec3) -> Option<Rest> {
     let height = -floor;
     let size = turned.iter().map(|p| p.length()).fold(0.0, f64::max);
     let standing: Vec<[f64; 2]> =
-        turned.iter().filter(|p| p.z - floor < 1e-3 * size).map(|p| [p.x, p.y]).collect();
+        turned.iter().filter(|p| p.z - floor < bears * size).map(|p| [p.x, p.y]).collect();
     // How far the centre lies inside of what it stands on.
     let mut margin = f64::INFINITY;
     for (i, a) in standing.iter().enumerate() {
