@@ -1,11 +1,10 @@
 //! How like what the model learned from an object looks, in words.
 //!
 //! What the encoder is off by decides, and the nearest encoding only names an object: the duck, which models/default never
-//! lifts, is nearer to what that learned (4.8, the median of twelve looks) than the cracker box is (5.7), of which it lifts
+//! lifts, is nearer to what that learned (4.8, the median of seeds 0 to 11, counted once) than the cracker box is (5.7), of which it lifts
 //! a third.
 
 use crate::upload::label;
-use geometry::catalog::base_of;
 use rollout::Likeness;
 
 /// What the encoder makes of an object that it learned from is off by less (m): with models/families and models/default
@@ -22,12 +21,9 @@ pub(crate) fn words(likeness: &Likeness) -> String {
         _ => "unlike anything it learned from",
     };
     let most = likeness.most.as_ref().map(|nearest| {
-        // Those of other proportions count as the one that they are made of.
-        let name = nearest.object.as_str();
-        let name = base_of(name).map_or(name, |(base, _)| base);
         format!(
             ", most like the {}, {:.1} apart in z",
-            label(name).to_lowercase(),
+            label(nearest.base()).to_lowercase(),
             nearest.distance
         )
     });

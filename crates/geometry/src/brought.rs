@@ -265,16 +265,13 @@ mod tests {
         };
         for entry in std::fs::read_dir(folder).unwrap() {
             let path = entry.unwrap().path();
-            let Ok(import) = mesh::import(&std::fs::read(&path).unwrap(), None) else { continue };
+            let bytes = std::fs::read(&path).unwrap();
+            let Ok(import) = mesh::import(&bytes, None) else { continue };
             let height = import.mesh.extent().z;
-            let found = brought_file(&std::fs::read(&path).unwrap());
+            let found = read("scan.obj", &bytes, Told::default(), &mut ()).unwrap();
             println!("{path:?}: {:?}, {} of {height} m high", found.stands, found.object.size().z);
             assert!((found.object.size().z - height).abs() < 0.03 * height, "{path:?}");
         }
-    }
-
-    fn brought_file(bytes: &[u8]) -> Brought {
-        read("scan.obj", bytes, Told::default(), &mut ()).unwrap()
     }
 
     #[test]

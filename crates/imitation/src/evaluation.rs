@@ -1,7 +1,6 @@
 //! Evaluation: attempts by the protocol, counted with the Wilson interval and the reasons of failure.
 
 use anyhow::Result;
-use geometry::catalog::base_of;
 use geometry::object::Object;
 use rayon::prelude::*;
 use robot::Isometry;
@@ -71,10 +70,7 @@ impl Report {
     pub fn most_like(&self) -> Option<&str> {
         let mut counts = BTreeMap::new();
         for nearest in self.likenesses().filter_map(|likeness| likeness.most.as_ref()) {
-            // Those of other proportions count as the one that they are made of.
-            let name = nearest.object.as_str();
-            let base = base_of(name).map_or(name, |(base, _)| base);
-            *counts.entry(base).or_insert(0) += 1;
+            *counts.entry(nearest.base()).or_insert(0) += 1;
         }
         counts.into_iter().max_by_key(|(_, count)| *count).map(|(object, _)| object)
     }

@@ -2,6 +2,7 @@
 
 use crate::attempt::drawn_pose;
 use crate::workcell::Workcell;
+use geometry::catalog::base_of;
 use geometry::mesh::Mesh;
 use geometry::{Pose, Vec3, cloud};
 use policy::{Encoding, Model};
@@ -24,6 +25,13 @@ pub struct Nearest {
     pub object: String,
     /// Distance of its z, which is whitened: one is a standard deviation of one number of what was learned from.
     pub distance: f32,
+}
+
+impl Nearest {
+    /// Name of the object; one of other proportions counts as the one that it is made of.
+    pub fn base(&self) -> &str {
+        base_of(&self.object).map_or(&self.object, |(base, _)| base)
+    }
 }
 
 /// Looks at each side of a mesh, of attempts from seeds 0 on.

@@ -29,7 +29,7 @@ const HULL_POINTS: usize = 256;
 impl Rest {
     /// Whether it already stands so (within 3 degrees).
     pub fn is_as_it_is(&self) -> bool {
-        self.rotation.z_axis.z > 0.9986
+        self.upright() > 0.9986
     }
 
     /// Cosine of the angle by which it is tipped to stand so.
