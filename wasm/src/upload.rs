@@ -3,7 +3,7 @@
 use crate::protocol::{Failure, ObjectLoaded, Report, Shape};
 use crate::statistics::Tally;
 use geometry::Vec3;
-use geometry::brought::{self, Because, Brought, DENSITY, Guide, MASSES, MassFrom, Stage, Told};
+use geometry::brought::{self, Brought, DENSITY, Guide, MASSES, MassFrom, Stage, Told};
 use geometry::catalog::{LOOK_ALIKES, of_family};
 use geometry::mesh::{self, Mesh, Simplified};
 use geometry::object::Object;
@@ -190,20 +190,7 @@ fn notes(found: &Brought) -> Vec<String> {
             Some(format!("Mass assumed: {kg} kg at most, what a hand can lift."))
         }
     });
-    let stands = match found.stands.1 {
-        Because::Given => None,
-        Because::DrawnYUp => Some("Its file looks drawn with y up, and it stands so."),
-        Because::Settled => {
-            Some("As it stands in the file it would tip a little; it stands on its foot.")
-        }
-        Because::Laid => Some(
-            "It would fall over as it stands in the file; it lies as it looks most like what the policy learned from.",
-        ),
-        Because::WouldFall => {
-            Some("It would fall over as it stands in the file; it lies on its steadiest side.")
-        }
-    };
-    notes.extend(stands.map(str::to_owned));
+    notes.extend(found.stands.1.sentence().map(str::to_owned));
     notes
 }
 

@@ -60,6 +60,25 @@ pub enum Because {
     Laid,
 }
 
+impl Because {
+    /// The reason as a sentence, if there is something to say.
+    pub fn sentence(self) -> Option<&'static str> {
+        Some(match self {
+            Self::Given => return None,
+            Self::DrawnYUp => "Its file looks drawn with y up, and it stands so.",
+            Self::Settled => {
+                "As it stands in the file it would tip a little; it stands on its foot."
+            }
+            Self::WouldFall => {
+                "It would fall over as it stands in the file; it lies on its steadiest side."
+            }
+            Self::Laid => {
+                "It would fall over as it stands in the file; it lies as it looks most like what the policy learned from."
+            }
+        })
+    }
+}
+
 /// An object from a mesh file, and what was found out and assumed.
 #[derive(Clone, Debug)]
 pub struct Brought {

@@ -174,6 +174,12 @@ impl Object {
     pub fn with_friction(self, friction: f32) -> Self {
         Self { friction, ..self }
     }
+
+    /// The same object of another mass (kg).
+    pub fn with_mass(self, mass: f32) -> Self {
+        let share = mass / self.mass;
+        Self { mass, inertia: self.inertia.map(|row| row.map(|x| x * share)), ..self }
+    }
 }
 
 #[cfg(test)]
@@ -192,6 +198,19 @@ mod tests {
         assert!(off.abs().max_element() < 1e-4, "{off}");
         let large = object.reshaped("large", &scaled(Vec3::splat(1.2))).unwrap();
         assert_eq!(large.mass, object.mass);
+    }
+
+    #[test]
+    fn an_object_of_another_mass_is_the_one_that_is_made_with_it() {
+        let object = Object::built_in("bleach").unwrap();
+        let parts = object.parts.clone();
+        let made = Object::new("x", object.mesh.clone(), true, parts, 0.3, 0.8).unwrap();
+        let object = object.with_mass(0.3);
+        assert_eq!((object.mass, object.hash()), (0.3, made.hash()));
+        let pairs = object.inertia.as_flattened().iter().zip(made.inertia.as_flattened());
+        for (found, wanted) in pairs {
+            assert!((found - wanted).abs() < 1e-5 * made.inertia[0][0], "{found}, {wanted}");
+        }
     }
 
     #[test]

@@ -1,9 +1,10 @@
 //! Objects: a list and a sheet of those that are built in, and which one a command works on.
 
 use anyhow::{Context, Result, bail};
+use geometry::brought::{self, Told};
 use geometry::catalog::CATALOG;
-use geometry::mesh;
-use geometry::object::{MESH_FRICTION, Object};
+use geometry::mesh::{self, Simplified};
+use geometry::object::Object;
 use std::ffi::OsStr;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -90,21 +91,33 @@ impl ObjectOptions {
     }
 }
 
-/// The object of a mesh file, and its name: that of the file, with its ending where a built-in object has that name.
+/// The object of a mesh file as the page has it too, and its name: that of the file, with its ending where a built-in
+/// object has that name. Says what was made of it that somebody may not expect.
 pub(crate) fn of_mesh(path: &Path, heaviness: &Heaviness) -> Result<(String, Object)> {
     let bytes = read(path).with_context(|| format!("cannot read {}", path.display()))?;
-    let import =
-        mesh::import(&bytes, None).with_context(|| format!("{} cannot be used", path.display()))?;
-    let parts = mesh::convex_parts_or_hull(&import.mesh).hulls;
     let text = |name: Option<&OsStr>| name.unwrap_or_default().to_string_lossy().into_owned();
     let (stem, whole) = (text(path.file_stem()), text(path.file_name()));
     let name = if Object::built_in(&stem).is_some() { whole } else { stem };
-    let closed = import.healing.watertight;
     let mass = match heaviness {
-        Heaviness::Mass(mass) => *mass,
-        Heaviness::Density(density) => density * mesh::solid(&import.mesh, closed)?.volume as f32,
+        Heaviness::Mass(mass) => Some(*mass),
+        Heaviness::Density(_) => None,
     };
-    let object = Object::new(&name, import.mesh, closed, parts, mass, MESH_FRICTION)?;
+    let told = Told { mass, ..Told::default() };
+    let found = brought::read(&name, &bytes, told, &mut ())
+        .with_context(|| format!("{} cannot be used", path.display()))?;
+    if let Some(Simplified { from, .. }) = found.simplified {
+        eprintln!("{name}: {from} triangles are too many, and were made fewer");
+    }
+    if let Some(sentence) = found.stands.1.sentence() {
+        eprintln!("{name}: {sentence}");
+    }
+    let object = match heaviness {
+        Heaviness::Mass(_) => found.object,
+        Heaviness::Density(density) => {
+            let volume = mesh::solid(&found.object.mesh, found.healing.watertight)?.volume;
+            found.object.with_mass(density * volume as f32)
+        }
+    };
     Ok((name, object))
 }
 

@@ -82,6 +82,21 @@ fn an_extension_does_not_matter() {
 }
 
 #[test]
+fn what_would_fall_over_is_laid_and_said_so() {
+    let folder = tempfile::tempdir().unwrap();
+    // A box of which one edge of the foot is 90 mm too high.
+    let tilted = "v 0 0 0\nv 40 0 90\nv 40 60 90\nv 0 60 0\nv 0 0 120\nv 40 0 120\nv 40 60 120\n\
+        v 0 60 120\nf 1 4 3 2\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n";
+    let file = folder.path().join("tilted.obj");
+    std::fs::write(&file, tilted).unwrap();
+    let mut ngf = Command::new(env!("CARGO_BIN_EXE_ngf"));
+    ngf.args(["evaluate", "--model", "planner", "--attempts", "1", "--mass", "0.3", "--mesh"]);
+    let said = ngf.arg(&file).output().unwrap().stderr;
+    let said = String::from_utf8_lossy(&said);
+    assert!(said.starts_with("tilted: It would fall over"), "{said}");
+}
+
+#[test]
 fn a_mesh_needs_a_mass_or_a_density() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("box.obj");
