@@ -19,7 +19,8 @@ function row(name, value, unit) {
   console.log(`row ${name} ${value.toFixed(3)} ${unit}`);
 }
 
-// Runs in the page before all else: notes when the first picture is there, and what interactions took.
+// Runs in the page before all else: notes when the first picture is the graphics' to make, when its pixels are there,
+// which where the processor draws is later, and what interactions took.
 function watch() {
   globalThis.interactions = new Map();
   new PerformanceObserver((list) => {
@@ -28,16 +29,22 @@ function watch() {
     }
   }).observe({ type: "event", durationThreshold: 16, buffered: true });
   new MutationObserver(() => {
-    if (Number(document.getElementById("view")?.dataset.drawn) > 0) globalThis.pictured ??= performance.now();
+    const view = document.getElementById("view");
+    if (globalThis.pictured || !(Number(view?.dataset.drawn) > 0)) return;
+    globalThis.pictured = performance.now();
+    const gl = view.getContext("webgl2");
+    // Reading one waits for all.
+    gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4));
+    globalThis.pixels = performance.now();
   }).observe(document, { subtree: true, childList: true, attributes: true, attributeFilter: ["data-drawn"] });
 }
 
 async function arrive(page, address) {
   await page.goto(address);
   await page.waitForFunction(() => globalThis.pictured !== undefined);
-  const picture = await page.evaluate(() => globalThis.pictured);
+  const [picture, pixels] = await page.evaluate(() => [globalThis.pictured, globalThis.pixels]);
   await untilReady(page);
-  return { picture, ready: await page.evaluate(() => performance.now()) };
+  return { picture, pixels, ready: await page.evaluate(() => performance.now()) };
 }
 
 // First and second visits, and the code that the first one fetches, as it is sent, compressed: without fonts, the
@@ -59,8 +66,10 @@ async function visits(served) {
     await context.close();
   }
   row("page_first_picture", at(0.5, firsts.map(({ picture }) => picture)), "ms");
+  row("page_first_pixels", at(0.5, firsts.map(({ pixels }) => pixels)), "ms");
   row("page_ready", at(0.5, firsts.map(({ ready }) => ready)), "ms");
   row("page_second_picture", at(0.5, seconds.map(({ picture }) => picture)), "ms");
+  row("page_second_pixels", at(0.5, seconds.map(({ pixels }) => pixels)), "ms");
   row("page_second_ready", at(0.5, seconds.map(({ ready }) => ready)), "ms");
   row("page_code", code / 1e6, "MB");
 }

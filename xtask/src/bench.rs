@@ -37,7 +37,7 @@ enum Budget {
 /// Of the page, as somebody before it waits for it. Its clock never runs ahead, and counts whole ticks: real time is a
 /// little less than 1.
 const BUDGETS: [(&str, Budget); 6] = [
-    ("page_first_picture", Budget::Most(1500.0)),
+    ("page_first_pixels", Budget::Most(1500.0)),
     ("page_second_picture", Budget::Most(500.0)),
     ("page_code", Budget::Most(1.0)),
     ("page_real_time_factor", Budget::Least(0.98)),

@@ -1,5 +1,6 @@
 // The worker: starts it, sends it messages, and says when it has stopped for good.
 
+import { takeWorker } from "./first";
 import type { Failure, FromWorker, ToWorker } from "./protocol";
 import { FAILURES } from "./strings";
 
@@ -68,18 +69,16 @@ export class Engine {
   }
 
   #start(): Worker {
-    const worker = new Worker(new URL("./worker.ts", import.meta.url), { type: "module" });
     // A panic tells its reason in a message, and then shows as an error too.
     let hasTold = false;
-    worker.onmessage = ({ data }: MessageEvent<FromWorker>) => {
+    const heard = ({ data }: MessageEvent<FromWorker>) => {
       hasTold ||= data.kind === "failure" && isEnd(data);
       this.#receive(data);
       if (data.kind === "ready") this.#deliver();
     };
-    worker.onerror = (event) => {
+    return takeWorker(heard, (event) => {
       event.preventDefault();
       if (!hasTold) this.#receive({ kind: "failure", code: "engine_stopped", ...FAILURES.stopped(event.message) });
-    };
-    return worker;
+    });
   }
 }

@@ -1,59 +1,95 @@
 // A small picture of a shape, without the graphics card: seen a little from above, lit from the left.
 
-import { Color, Vector3 } from "three";
+import { Color, Matrix4, Vector3 } from "three";
 import type { Shape } from "../protocol";
 
-// Triangles that are worth drawing so small.
-const MOST = 4000;
 const PIXELS = 56;
-// Where it is looked at from, and what leads to the right and upwards in the picture.
+const MARGIN = 2;
+// Spots along a pixel's side at which the shape is looked at; the pixel is their mean.
+const SPOTS = 3;
+const SIDE = PIXELS * SPOTS;
+// Where it is looked at from, and what leads to the right and downwards in the picture.
 const BACK = new Vector3(-0.72, -0.52, 0.46).normalize();
 const RIGHT = new Vector3(0, 0, 1).cross(BACK).normalize();
-const UP = new Vector3().crossVectors(BACK, RIGHT);
-const LIGHT = new Vector3(-0.3, -0.75, 0.6).normalize();
+const DOWN = new Vector3().crossVectors(RIGHT, BACK);
+const TO_PICTURE = new Matrix4().makeBasis(RIGHT, DOWN, BACK).transpose();
+const LIGHT = new Vector3(-0.3, -0.75, 0.6).normalize().applyMatrix4(TO_PICTURE);
 
-export function thumbnail({ positions, indices }: Shape, color: string): HTMLCanvasElement {
-  const canvas = document.createElement("canvas");
-  canvas.width = canvas.height = PIXELS;
+// It is painted after the next picture of the scene, for which people wait.
+export function thumbnail(shape: Shape, color: string): HTMLCanvasElement {
+  const canvas = square(PIXELS);
   canvas.setAttribute("aria-hidden", "true");
-  const context = canvas.getContext("2d");
-  if (!context) return canvas;
+  requestAnimationFrame(() => setTimeout(() => draw(canvas, shape, color)));
+  return canvas;
+}
 
+function draw(canvas: HTMLCanvasElement, { positions, indices }: Shape, color: string): void {
+  const fine = square(SIDE);
+  const [context, raster] = [canvas.getContext("2d"), fine.getContext("2d")];
+  if (!context || !raster) return;
+  const picture = raster.createImageData(SIDE, SIDE);
+  paint(picture.data, inPicture(positions), indices, new Color(color));
+  raster.putImageData(picture, 0, 0);
+  context.imageSmoothingQuality = "high";
+  context.drawImage(fine, 0, 0, PIXELS, PIXELS);
+}
+
+function square(side: number): HTMLCanvasElement {
+  const canvas = document.createElement("canvas");
+  canvas.width = canvas.height = side;
+  return canvas;
+}
+
+// Corners to the right, down and towards the eye, in spots; the shape fills the picture.
+function inPicture(positions: ArrayLike<number>): Float32Array {
+  const corners = new Float32Array(positions.length);
   const point = new Vector3();
-  const seen = Array.from({ length: positions.length / 3 }, (_, i) => {
-    point.fromArray(positions, 3 * i);
-    return new Vector3(point.dot(RIGHT), -point.dot(UP), point.dot(BACK));
-  });
   const least = new Vector3(Infinity, Infinity, 0);
   const most = new Vector3(-Infinity, -Infinity, 0);
-  for (const corner of seen) [least.min(corner), most.max(corner)];
-  const scale = (PIXELS - 4) / Math.max(most.x - least.x, most.y - least.y);
-  const x = ({ x }: Vector3) => PIXELS / 2 + scale * (x - (least.x + most.x) / 2);
-  const y = ({ y }: Vector3) => PIXELS / 2 + scale * (y - (least.y + most.y) / 2);
+  for (let i = 0; i < corners.length; i += 3) {
+    point.fromArray(positions, i).applyMatrix4(TO_PICTURE).toArray(corners, i);
+    least.min(point);
+    most.max(point);
+  }
+  const scale = (SIDE - 2 * MARGIN * SPOTS) / Math.max(most.x - least.x, most.y - least.y);
+  for (let i = 0; i < corners.length; i += 3) {
+    corners[i] = SIDE / 2 + scale * (corners[i]! - (least.x + most.x) / 2);
+    corners[i + 1] = SIDE / 2 + scale * (corners[i + 1]! - (least.y + most.y) / 2);
+    corners[i + 2] = scale * corners[i + 2]!;
+  }
+  return corners;
+}
 
-  const triangles: { depth: number; shade: number; corners: Vector3[] }[] = [];
-  const step = 3 * Math.max(1, Math.ceil(indices.length / 3 / MOST));
-  const [a, b, normal] = [new Vector3(), new Vector3(), new Vector3()];
-  for (let i = 0; i + 2 < indices.length; i += step) {
-    const corners = [indices[i]!, indices[i + 1]!, indices[i + 2]!];
-    const [p, q, r] = corners.map((corner) => point.clone().fromArray(positions, 3 * corner));
-    normal.crossVectors(a.subVectors(q!, p!), b.subVectors(r!, p!)).normalize();
-    if (normal.dot(BACK) <= 0) continue;
-    const ends = corners.map((corner) => seen[corner]!);
-    const depth = ends.reduce((sum, { z }) => sum + z, 0);
-    triangles.push({ depth, shade: 0.55 + 0.55 * Math.max(0, normal.dot(LIGHT)), corners: ends });
+// Gives every spot the shade of the triangle that lies nearest there.
+function paint(pixels: Uint8ClampedArray, corners: Float32Array, indices: ArrayLike<number>, color: Color): void {
+  const nearest = new Float32Array(SIDE * SIDE).fill(-Infinity);
+  const [p, q, r, normal] = [new Vector3(), new Vector3(), new Vector3(), new Vector3()];
+  const shaded = new Color();
+  for (let i = 0; i + 2 < indices.length; i += 3) {
+    p.fromArray(corners, 3 * indices[i]!);
+    q.fromArray(corners, 3 * indices[i + 1]!).sub(p);
+    r.fromArray(corners, 3 * indices[i + 2]!).sub(p);
+    normal.crossVectors(q, r);
+    const area = normal.z;
+    if (area === 0) continue;
+    // A surface has the same shade from both sides, if the eye can see it at all.
+    const facing = Math.sign(area) / normal.length();
+    shaded.copy(color).multiplyScalar(0.55 + 0.55 * Math.max(0, facing * normal.dot(LIGHT)));
+    const rgb = shaded.getHex();
+    const [left, right] = [p.x + Math.min(0, q.x, r.x), p.x + Math.max(0, q.x, r.x)];
+    const [top, bottom] = [p.y + Math.min(0, q.y, r.y), p.y + Math.max(0, q.y, r.y)];
+    for (let y = Math.ceil(top); y <= bottom; y++) {
+      for (let x = Math.ceil(left); x <= right; x++) {
+        // Barycentric coordinates of the spot.
+        const u = ((x - p.x) * r.y - (y - p.y) * r.x) / area;
+        const v = (q.x * (y - p.y) - q.y * (x - p.x)) / area;
+        if (u < 0 || v < 0 || u + v > 1) continue;
+        const depth = p.z + u * q.z + v * r.z;
+        const spot = y * SIDE + x;
+        if (!(depth > nearest[spot]!)) continue;
+        nearest[spot] = depth;
+        pixels.set([rgb >> 16, (rgb >> 8) & 255, rgb & 255, 255], 4 * spot);
+      }
+    }
   }
-  triangles.sort((one, other) => one.depth - other.depth);
-  const base = new Color(color);
-  for (const { shade, corners } of triangles) {
-    context.fillStyle = context.strokeStyle = `#${base.clone().multiplyScalar(shade).getHexString()}`;
-    context.beginPath();
-    corners.forEach((corner) => context.lineTo(x(corner), y(corner)));
-    context.closePath();
-    context.fill();
-    // Closes the seams between triangles.
-    context.lineWidth = 0.6;
-    context.stroke();
-  }
-  return canvas;
 }

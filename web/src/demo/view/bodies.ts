@@ -7,7 +7,7 @@ import {
   LineBasicMaterial,
   LineSegments,
   Mesh,
-  MeshStandardMaterial,
+  MeshLambertMaterial,
   type Object3D,
 } from "three";
 import type { Link, ObjectLoaded } from "../protocol";
@@ -18,7 +18,7 @@ import { geometryOf } from "./shape";
 export function robotBodies(links: readonly Link[]): Group[] {
   const bodies: Group[] = [];
   for (const { body, color, shape } of links) {
-    const material = new MeshStandardMaterial({ color, roughness: 0.48, metalness: 0.05 });
+    const material = new MeshLambertMaterial({ color });
     (bodies[body] ??= new Group()).add(shadowed(new Mesh(geometryOf(shape), material)));
   }
   // A body that nothing is drawn of still has a pose.
@@ -28,7 +28,7 @@ export function robotBodies(links: readonly Link[]): Group[] {
 // The object is drawn in the accent colour: it is what everything here is about.
 export class Thing {
   readonly group = new Group();
-  readonly #skin = new MeshStandardMaterial({ roughness: 0.62, transparent: true });
+  readonly #skin = new MeshLambertMaterial({ transparent: true });
   readonly #edges = new LineBasicMaterial({ transparent: true, opacity: 0.75 });
   readonly #mesh = shadowed(new Mesh(new BufferGeometry(), this.#skin));
   readonly #hulls = new Group();
@@ -67,7 +67,7 @@ export class Thing {
   }
 }
 
-function shadowed(mesh: Mesh<BufferGeometry, MeshStandardMaterial>) {
+function shadowed(mesh: Mesh<BufferGeometry, MeshLambertMaterial>) {
   mesh.castShadow = mesh.receiveShadow = true;
   return mesh;
 }

@@ -24,6 +24,18 @@ export class Sharpness {
   #wait = PATIENCE;
   #finerAt = 0;
 
+  // Where the processor draws, even the first picture is coarse: it comes sooner.
+  constructor(isPlain: boolean) {
+    if (!isPlain) return;
+    this.#share = LEAST;
+    this.#finerAt = performance.now() + PATIENCE;
+  }
+
+  // The share of the last picture.
+  get last(): number {
+    return this.#share;
+  }
+
   // Share of the screen's pixels along a side, for a picture that is drawn now and was wanted before (milliseconds).
   share(wanted: number, now: number): number {
     const waited = now - wanted;

@@ -11,7 +11,7 @@ import {
   LineBasicMaterial,
   LineLoop,
   Mesh,
-  MeshStandardMaterial,
+  MeshLambertMaterial,
   ShadowMaterial,
 } from "three";
 import { RoundedBoxGeometry } from "three/examples/jsm/geometries/RoundedBoxGeometry.js";
@@ -23,8 +23,8 @@ const ROUNDING = 0.012;
 
 export class Studio {
   readonly group = new Group();
-  readonly #table = new MeshStandardMaterial({ roughness: 1 });
-  readonly #plinth = new MeshStandardMaterial({ roughness: 0.9 });
+  readonly #table = new MeshLambertMaterial();
+  readonly #plinth = new MeshLambertMaterial();
   readonly #outline = new LineBasicMaterial({ transparent: true });
   readonly #shadow = new ShadowMaterial();
   readonly #sky = new HemisphereLight();

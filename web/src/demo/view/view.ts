@@ -63,7 +63,7 @@ export class View {
   readonly #ghost = new Ghost();
   readonly #limits = new Limits();
   readonly #motion = new Motion();
-  readonly #sharpness = new Sharpness();
+  readonly #sharpness = new Sharpness(this.#isPlain);
   #studio: Studio | null = null;
   #sensor: Sensor | null = null;
   #robot: Group[] = [];
@@ -255,7 +255,7 @@ export class View {
     this.#renderer.setSize(width, height, false);
     this.#viewpoint.resize(width, height, this.#covered());
     // A resized canvas is empty: it is filled before it is shown.
-    this.#draw(performance.now());
+    this.#draw(performance.now(), this.#sharpness.last);
   }
 
   // How much of the canvas's foot lies under the dock (CSS pixels).
