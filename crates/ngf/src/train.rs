@@ -61,6 +61,14 @@ fn at_least_one(text: &str) -> Result<usize, String> {
     }
 }
 
+fn share(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(share) if (0.0..=1.0).contains(&share) => Ok(share),
+        Ok(_) => Err("it must be between 0 and 1".into()),
+        Err(error) => Err(format!("{error}")),
+    }
+}
+
 pub(crate) fn run(options: &Options) -> Result<()> {
     environment::begin_anew()?;
     match options {

@@ -2,7 +2,7 @@
 
 use super::exam::Exam;
 use super::log::Log;
-use super::{Run, at_least_one};
+use super::{Run, at_least_one, share};
 use crate::report;
 use ::policy::PolicyConfig;
 use ::policy::model::ModelConfig;
@@ -38,6 +38,10 @@ pub(crate) struct Options {
     /// Steps of roll-outs instead of the standard number; 1 is behaviour cloning.
     #[arg(long, value_name = "H", value_parser = at_least_one)]
     horizon: Option<usize>,
+    /// Share of the steps, the first ones, that train a fabric's potential alone, instead of the standard one; 0 trains
+    /// all its networks from the beginning.
+    #[arg(long, value_name = "SHARE", value_parser = share, conflicts_with = "from")]
+    potential_share: Option<f64>,
     /// Learn from the first so many poses of each object only; the same ones are held out.
     #[arg(long, value_parser = at_least_one)]
     poses: Option<usize>,
@@ -58,6 +62,7 @@ pub(super) fn train(options: &Options) -> Result<()> {
     config.rate = run.rate.unwrap_or(config.rate);
     config.span = run.checkpoint.map_or(config.span, |steps| steps as u64);
     config.horizon = options.horizon.unwrap_or(config.horizon);
+    config.potential_share = options.potential_share.unwrap_or(config.potential_share);
     if config.horizon == 1 {
         // Behaviour cloning knows the demonstrations' own states.
         config.start_share = 0.0;
