@@ -24,11 +24,13 @@ export class Sharpness {
   #wait = PATIENCE;
   #finerAt = 0;
 
-  // Where the processor draws, even the first picture is coarse: it comes sooner.
+  // Where the processor draws, even the first picture is coarse: it comes sooner. A finer one is seldom tried there,
+  // because what somebody does meanwhile has to wait for it.
   constructor(isPlain: boolean) {
     if (!isPlain) return;
     this.#share = LEAST;
-    this.#finerAt = performance.now() + PATIENCE;
+    this.#wait = LONGEST;
+    this.#finerAt = performance.now() + LONGEST;
   }
 
   // The share of the last picture.
