@@ -1,8 +1,8 @@
 //! How like what the model learned from an object looks, in words.
 //!
 //! What the encoder is off by decides, and the nearest encoding only names an object: the duck, which models/default never
-//! lifts, is nearer to what that learned (4.8, the median of seeds 0 to 11, counted once) than the cracker box is (5.7), of which it lifts
-//! a third.
+//! lifts, is nearer to what that learned (4.8, the median of seeds 0 to 11, counted once) than the cracker box is (5.7),
+//! of which it lifts a third.
 
 use crate::upload::label;
 use rollout::Likeness;

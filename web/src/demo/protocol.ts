@@ -5,9 +5,8 @@
 
 export type Unit = "m" | "cm" | "mm" | "in";
 
-// Why an object stands as it does: as it is told or drawn; it would tip a
-// little, and stands on its foot; it would fall over, and lies on its steadiest side; or it lies
-// as it looks most like what the policy learned from.
+// Why an object stands as it does: as it is told or drawn; it would tip a little, and stands on its foot; it would fall
+// over, and lies on its steadiest side; or it lies as it looks most like what the policy learned from.
 export type Because = "given" | "drawnYUp" | "settled" | "wouldFall" | "laid";
 
 // How an object stands: as in its file, or on one of the sides that hold it, the steadiest being 0.
