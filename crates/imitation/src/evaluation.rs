@@ -1,6 +1,7 @@
 //! Evaluation: attempts by the protocol, counted with the Wilson interval and the reasons of failure.
 
 use anyhow::Result;
+use geometry::brought::Stands;
 use geometry::object::Object;
 use rayon::prelude::*;
 use robot::Isometry;
@@ -52,6 +53,9 @@ pub struct Report {
     pub scene_hash: String,
     /// Hash of the object.
     pub object_hash: String,
+    /// How the object stands, if it is of a mesh file, where whoever read the file says so.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stands: Option<Stands>,
     /// Hash of the model's files, if a model acted; in a suite, of what it acted by: the planner's grasps, the dataset.
     pub model_hash: Option<String>,
     /// Every attempt.
@@ -129,6 +133,7 @@ pub fn evaluate(
         seed,
         scene_hash: scene::config::scene_hash(),
         object_hash: object.hash(),
+        stands: None,
         model_hash: None,
         rows,
     })

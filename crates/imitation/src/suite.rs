@@ -79,6 +79,7 @@ pub(crate) mod samples {
             seed: 0,
             scene_hash: "scene".into(),
             object_hash: object.into(),
+            stands: None,
             model_hash: None,
             rows: lifts.iter().enumerate().map(row).collect(),
         }

@@ -51,6 +51,7 @@ mod tests {
             seed: 0,
             scene_hash: "s".into(),
             object_hash: "o".into(),
+            stands: None,
             model_hash: None,
             rows: Vec::new(),
         }

@@ -1,7 +1,7 @@
 //! `ngf dataset`: makes datasets, and says what is in them.
 
 use crate::bar::Bar;
-use crate::objects::ObjectOptions;
+use crate::objects::{ObjectOptions, Subject};
 use anyhow::{Context, Result, bail};
 use dataset::config::{DatasetConfig, PRESETS};
 use dataset::generate::built_in_objects;
@@ -100,7 +100,9 @@ fn make(options: &Make) -> Result<()> {
     let unknown = || format!("there is no preset {name}; there are:{}", presets());
     let preset = DatasetConfig::preset(name, options.seed).with_context(unknown)?;
     let (config, objects) = match options.object.load_any()? {
-        Some((name, object)) => (preset.of_object(&name), Objects::from([(name, object)])),
+        Some(Subject { name, object, .. }) => {
+            (preset.of_object(&name), Objects::from([(name, object)]))
+        }
         None => {
             let objects = built_in_objects(preset.all_objects())?;
             (preset, objects)

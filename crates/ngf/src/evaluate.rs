@@ -2,9 +2,8 @@
 
 use crate::bar::Bar;
 use crate::card;
-use crate::objects::ObjectOptions;
+use crate::objects::{ObjectOptions, Subject};
 use anyhow::{Context, Result, bail};
-use dataset::generate::built_in_object;
 use dataset::store;
 use geometry::catalog::{CATALOG, Entry, of_family};
 use geometry::object::Object;
@@ -72,7 +71,7 @@ pub(crate) fn run(options: &Options) -> Result<()> {
     let pose = pose(options)?;
     let seeds = seeds(options.seed, options.attempts)?;
     let mut reports = Vec::new();
-    for (name, object) in &objects {
+    for Subject { name, object, stands } in &objects {
         for (label, controller, object) in contestants(options, object) {
             let (bar, done) = (Bar::new(&label, options.attempts), AtomicUsize::new(0));
             let advance = |_: &rollout::Attempt| {
@@ -85,6 +84,7 @@ pub(crate) fn run(options: &Options) -> Result<()> {
             bar.clear();
             report.policy = label;
             report.model_hash.clone_from(&model_hash);
+            report.stands = *stands;
             print(&report);
             reports.push(report);
         }
@@ -105,8 +105,8 @@ pub(crate) fn seeds(first: u64, attempts: usize) -> Result<Range<u64>> {
     Ok(first..first + attempts as u64)
 }
 
-/// Objects that are attempted, with their names.
-fn objects(options: &Options) -> Result<Vec<(String, Object)>> {
+/// Objects that are attempted.
+fn objects(options: &Options) -> Result<Vec<Subject>> {
     if options.family.is_empty() {
         return Ok(vec![options.object.load()?]);
     }
@@ -115,9 +115,8 @@ fn objects(options: &Options) -> Result<Vec<(String, Object)>> {
         let families: Vec<&str> = families.into_iter().collect();
         bail!("there is no family {unknown}; there are {}", families.join(", "));
     }
-    let load = |entry: &Entry| Ok((entry.name.to_owned(), built_in_object(entry.name)?));
     let named = options.family.iter().flat_map(|family| of_family(family));
-    named.map(load).collect()
+    named.map(|entry: &Entry| Subject::built_in(entry.name)).collect()
 }
 
 /// Who acts on an object: name, controller, and the object as it is for it.

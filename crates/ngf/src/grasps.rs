@@ -2,7 +2,7 @@
 
 use crate::bar::Bar;
 use crate::journal::Journal;
-use crate::objects::ObjectOptions;
+use crate::objects::{ObjectOptions, Subject};
 use anyhow::{Context, Result};
 use dataset::store;
 use geometry::object::Object;
@@ -53,7 +53,7 @@ pub(crate) struct Options {
 /// Searches grasps and writes them.
 pub(crate) fn run(options: &Options) -> Result<()> {
     let robot = Robot::standard()?;
-    let (name, object) = options.object.load()?;
+    let Subject { name, object, .. } = options.object.load()?;
     let config = match (options.thorough, options.quick) {
         (true, _) => SearchConfig::thorough(&robot),
         (_, true) => SearchConfig::quick(&robot),

@@ -1,7 +1,7 @@
 //! Objects: a list and a sheet of those that are built in, and which one a command works on.
 
 use anyhow::{Context, Result, bail};
-use geometry::brought::{self, Told};
+use geometry::brought::{self, Stands, Told};
 use geometry::catalog::CATALOG;
 use geometry::mesh::{self, Simplified};
 use geometry::object::Object;
@@ -51,9 +51,27 @@ pub(crate) struct ObjectOptions {
     friction: Option<f32>,
 }
 
+/// An object that a command works on.
+pub(crate) struct Subject {
+    /// What it is called.
+    pub(crate) name: String,
+    /// The object itself.
+    pub(crate) object: Object,
+    /// How it stands, if it is of a file.
+    pub(crate) stands: Option<Stands>,
+}
+
+impl Subject {
+    /// A built-in one.
+    pub(crate) fn built_in(name: &str) -> Result<Self> {
+        let object = dataset::generate::built_in_object(name)?;
+        Ok(Self { name: name.to_owned(), object, stands: None })
+    }
+}
+
 impl ObjectOptions {
     /// Loads the object, if one is named.
-    pub(crate) fn load_any(&self) -> Result<Option<(String, Object)>> {
+    pub(crate) fn load_any(&self) -> Result<Option<Subject>> {
         let is_named = self.object.is_some() || self.mesh.is_some();
         if !is_named && self.friction.is_some() {
             bail!("--friction is of one object: name it with --object or --mesh");
@@ -72,10 +90,10 @@ impl ObjectOptions {
         Ok(self.mesh.as_deref())
     }
 
-    /// Loads the object; gives its name too.
-    pub(crate) fn load(&self) -> Result<(String, Object)> {
-        let (name, object) = match (&self.object, &self.mesh) {
-            (Some(name), None) => (name.clone(), dataset::generate::built_in_object(name)?),
+    /// Loads the object.
+    pub(crate) fn load(&self) -> Result<Subject> {
+        let subject = match (&self.object, &self.mesh) {
+            (Some(name), None) => Subject::built_in(name)?,
             (None, Some(path)) => of_mesh(path, &self.heaviness()?)?,
             _ => bail!(
                 "name an object with --object, or a mesh file with --mesh and --mass or --density"
@@ -85,15 +103,15 @@ impl ObjectOptions {
             Some(friction) if !(friction.is_finite() && friction >= 0.0) => {
                 bail!("--friction must be zero or a positive number, found {friction}")
             }
-            Some(friction) => (name, object.with_friction(friction)),
-            None => (name, object),
+            Some(friction) => Subject { object: subject.object.with_friction(friction), ..subject },
+            None => subject,
         })
     }
 }
 
-/// The object of a mesh file as the page has it too, and its name: that of the file, with its ending where a built-in
-/// object has that name. Says what was made of it that somebody may not expect.
-pub(crate) fn of_mesh(path: &Path, heaviness: &Heaviness) -> Result<(String, Object)> {
+/// The object of a mesh file as the page has it too; its name is that of the file, with its ending where a built-in object
+/// has that name. Says what was made of it that somebody may not expect.
+pub(crate) fn of_mesh(path: &Path, heaviness: &Heaviness) -> Result<Subject> {
     let bytes = read(path).with_context(|| format!("cannot read {}", path.display()))?;
     let text = |name: Option<&OsStr>| name.unwrap_or_default().to_string_lossy().into_owned();
     let (stem, whole) = (text(path.file_stem()), text(path.file_name()));
@@ -108,7 +126,8 @@ pub(crate) fn of_mesh(path: &Path, heaviness: &Heaviness) -> Result<(String, Obj
     if let Some(Simplified { from, .. }) = found.simplified {
         eprintln!("{name}: {from} triangles are too many, and were made fewer");
     }
-    if let Some(sentence) = found.stands.1.sentence() {
+    let (stands, because) = found.stands;
+    if let Some(sentence) = because.sentence() {
         eprintln!("{name}: {sentence}");
     }
     let object = match heaviness {
@@ -118,7 +137,7 @@ pub(crate) fn of_mesh(path: &Path, heaviness: &Heaviness) -> Result<(String, Obj
             found.object.with_mass(density * volume as f32)
         }
     };
-    Ok((name, object))
+    Ok(Subject { name, object, stands: Some(stands) })
 }
 
 /// How heavy a mesh is.

@@ -47,7 +47,7 @@ pub(crate) fn run(options: &Options) -> Result<()> {
     let episode: Episode = serde_json::from_slice(&bytes)
         .with_context(|| format!("{} is not an episode", file.display()))?;
     let object = match options.object.load_any()? {
-        Some((_, given)) => given,
+        Some(given) => given.object,
         None => built_in_object(&episode.name)
             .context("the episode is about a file: give it with --mesh and --mass")?,
     };

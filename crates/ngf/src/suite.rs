@@ -1,11 +1,10 @@
 //! `ngf suite`: the paper's comparison in one command; a run that was stopped goes on.
 
 use crate::evaluate::{load, seeds};
-use crate::objects::{self, Heaviness};
+use crate::objects::{self, Heaviness, Subject};
 use crate::train::read_model;
 use anyhow::{Context, Result, bail};
 use dataset::Dataset;
-use dataset::generate::built_in_object;
 use dataset::store;
 use geometry::object::Object;
 use grasps::built_in::built_in;
@@ -59,7 +58,7 @@ pub(crate) fn run(options: &Options) -> Result<()> {
     seeds(options.seed, options.attempts)?;
     let objects = options.objects.iter().map(|text| object(text)).collect::<Result<Vec<_>>>()?;
     let mut names = BTreeSet::new();
-    if let Some((name, _)) = objects.iter().find(|(name, _)| !names.insert(name)) {
+    if let Some(Subject { name, .. }) = objects.iter().find(|it| !names.insert(&it.name)) {
         bail!("two objects are named {name}: rename the file of one");
     }
     let contestants = contestants(&options.models, options.data.as_deref())?;
@@ -68,7 +67,7 @@ pub(crate) fn run(options: &Options) -> Result<()> {
     let mut workcell = Workcell::new()?;
     for who in &contestants {
         let model_hash = load(&mut workcell, &who.model.to_string_lossy())?;
-        for (name, object) in &objects {
+        for Subject { name, object, stands } in &objects {
             let acts_by = match (&who.controller, &who.demonstrations) {
                 (Controller::Planner, _) => {
                     // It knows the grasps of built-in objects only.
@@ -82,7 +81,8 @@ pub(crate) fn run(options: &Options) -> Result<()> {
                 _ => model_hash.clone(),
             };
             let cell = Cell { options, who, name, acts_by: &acts_by };
-            found.reports.push(cell.report(&workcell, object)?);
+            let report = cell.report(&workcell, object)?;
+            found.reports.push(Report { stands: *stands, ..report });
         }
     }
     let json = serde_json::to_vec_pretty(&found)?;
@@ -164,9 +164,9 @@ fn is_named(policy: &PolicyConfig, name: &str) -> bool {
 }
 
 /// A built-in object, or a mesh with its mass.
-fn object(text: &str) -> Result<(String, Object)> {
+fn object(text: &str) -> Result<Subject> {
     match text.rsplit_once(':') {
-        None => Ok((text.to_owned(), built_in_object(text)?)),
+        None => Subject::built_in(text),
         Some((file, mass)) => {
             let mass: f32 =
                 mass.parse().with_context(|| format!("{text}: the mass (kg) is no number"))?;

@@ -65,8 +65,7 @@ function address(report: Evaluation, { seed, pose: [x, y, yaw], state_hash }: At
   const shared = {
     object: report.object,
     objectHash: report.object_hash,
-    // An evaluation takes a file as it is.
-    told: isFile ? { unit: null, massKg: Number(mass_kg), stands: "asInFile" as const } : null,
+    told: isFile ? { unit: null, massKg: Number(mass_kg), stands: report.stands ?? ("asInFile" as const) } : null,
     mesh: isFile ? mesh_id : null,
     pose: { x, y, yaw },
     placed: false,

@@ -1,5 +1,6 @@
 // Jobs and what comes of them, as the server tells (docs/api.md).
 
+import type { Stands } from "../demo/protocol";
 import { KINDS } from "./strings";
 
 export type Status = "queued" | "running" | "paused" | "cancelling" | "succeeded" | "failed" | "cancelled";
@@ -74,6 +75,8 @@ export interface Evaluation {
   seed: number;
   scene_hash: string;
   object_hash: string;
+  // Of a mesh file; reports from before it was written took a file as it is.
+  stands?: Stands;
   model_hash: string | null;
   // In the report of a job, not where it is summed up.
   rows?: Attempted[];
