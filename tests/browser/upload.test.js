@@ -7,7 +7,7 @@ import { join } from "node:path";
 import { after, before, test } from "node:test";
 import { setTimeout } from "node:timers/promises";
 import { deflateRawSync } from "node:zlib";
-import { blank, open, screenshot, untilReady, visit } from "./chromium.js";
+import { blank, open, PATIENCE, screenshot, untilReady, visit } from "./chromium.js";
 import { BOX, bottle, gltf, others } from "./meshes.js";
 
 let served;
@@ -67,6 +67,22 @@ test("mass and side are said, and the object is another one then", async () => {
   await page.selectOption("#sides", "0");
   await page.waitForFunction(() => document.getElementById("report-size").textContent.endsWith("× 4.0 cm"));
   assert.equal(await page.textContent("#report-mass"), "250 g", "what was said before still holds");
+  await page.close();
+});
+
+test("a grasp that is asked for right after the mass is of the object that weighs that", async () => {
+  const { page, complaints } = await visit(served);
+  await untilReady(page);
+  await page.selectOption("#speed", "4");
+  await page.setInputFiles("#file", file("box.obj", BOX));
+  await page.waitForFunction(() => document.getElementById("report-mass").textContent === "173 g");
+  // The mass is not confirmed but by the click itself.
+  await page.fill("#mass", "250");
+  await page.click("#grasp");
+  await page.waitForSelector("[data-phase=verdict].is-now", { timeout: PATIENCE });
+  assert.equal(await page.textContent("#report-mass"), "250 g");
+  assert.match(await page.textContent("#tally"), /of 1/);
+  assert.deepEqual(complaints, []);
   await page.close();
 });
 

@@ -48,8 +48,10 @@ let wanted = asked.model;
 // What somebody asks for, as the page was opened or since.
 const send = (message: ToWorker) => {
   if (!PASSIVE.has(message.kind)) opening.stop();
-  engine.send(message);
-  comparison.send(message);
+  uploads.after(() => {
+    engine.send(message);
+    comparison.send(message);
+  });
 };
 const PASSIVE = new Set<ToWorker["kind"]>(["watch", "pause", "resume", "speed"]);
 const place = (pose: PlanarPose) => send({ kind: "place", pose });

@@ -24,6 +24,8 @@ export class Uploads {
   readonly #events: UploadEvents;
   // The file whose bytes are awaited.
   #awaited: File | null = null;
+  // What was asked for since it was chosen.
+  #meanwhile: (() => void)[] = [];
   readonly #told = new WeakMap<File, Told>();
   // The longest file that the worker reads.
   mostBytes = Infinity;
@@ -51,7 +53,18 @@ export class Uploads {
 
   // Something else is wanted now.
   forget(): void {
+    this.#settle();
+  }
+
+  // What is asked for after a file is about that file, and comes to the worker after it.
+  after(act: () => void): void {
+    if (this.#awaited) this.#meanwhile.push(act);
+    else act();
+  }
+
+  #settle(): void {
     this.#awaited = null;
+    for (const act of this.#meanwhile.splice(0)) act();
   }
 
   async begin(file: File, told = NOTHING): Promise<void> {
@@ -70,7 +83,9 @@ export class Uploads {
       // What plays brings its own object.
       if (!plays(file.name)) this.#events.asked(message, file);
       this.#events.read(message);
+      this.#settle();
     } catch (error) {
+      if (this.#awaited === file) this.#settle();
       this.#events.tell({ kind: "failure", code: "file_unreadable", ...FILES.unreadable(file.name, String(error)) });
     }
   }
