@@ -1,4 +1,4 @@
-//! Checkpoints: parameters, optimiser state and settings, so that training resumes where it was.
+//! Checkpoints: parameters, optimiser state, what is under way and settings, so that training resumes where it was.
 
 use crate::nn::Params;
 use crate::nn::adam::AdamW;
@@ -9,8 +9,15 @@ use serde_json::{Value, json};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-/// Writes parameters and optimiser, with the settings of the training. The checkpoint that was there is kept beside it.
-pub fn save(path: &Path, params: &Params, adam: &AdamW, settings: &Value) -> Result<()> {
+/// Writes parameters, optimiser and the numbers of what else is under way, with the settings of the training. The
+/// checkpoint that was there is kept beside it.
+pub fn save(
+    path: &Path,
+    params: &Params,
+    adam: &AdamW,
+    under_way: &[f32],
+    settings: &Value,
+) -> Result<()> {
     let values = params.values()?;
     let count = [values.len()];
     let about = json!({ "steps": adam.steps, "settings": settings }).to_string();
@@ -18,6 +25,7 @@ pub fn save(path: &Path, params: &Params, adam: &AdamW, settings: &Value) -> Res
         ("values", count.to_vec(), values.as_slice()),
         ("first", count.to_vec(), adam.first.as_slice()),
         ("second", count.to_vec(), adam.second.as_slice()),
+        ("under_way", vec![under_way.len()], under_way),
     ];
     let bytes = store::encode(&tensors, Some(about))?;
     if path.exists() {
@@ -38,33 +46,35 @@ fn aside(path: &Path) -> PathBuf {
 }
 
 /// Reads the last checkpoint, or the one before it if the last one is of no use: that one is put aside, and `warn` is told.
-/// Nothing is read if there is none. Fails if none of those that are there is of use.
+/// Gives what was under way. Nothing is read, and nothing is under way, if there is none. Fails if none of those that are
+/// there is of use.
 pub fn load(
     path: &Path,
     params: &Params,
     adam: &mut AdamW,
     settings: &Value,
     warn: &mut dyn FnMut(&str),
-) -> Result<()> {
+) -> Result<Vec<f32>> {
     let before = before(path);
     if !path.exists() && !before.exists() {
-        return Ok(());
+        return Ok(Vec::new());
     }
-    let Err(why) = read(path, params, adam, settings) else { return Ok(()) };
-    if read(&before, params, adam, settings).is_err() {
-        return Err(why);
-    }
+    let why = match read(path, params, adam, settings) {
+        Ok(under_way) => return Ok(under_way),
+        Err(why) => why,
+    };
+    let Ok(under_way) = read(&before, params, adam, settings) else { return Err(why) };
     if path.exists() {
         std::fs::rename(path, aside(path))
             .with_context(|| format!("cannot rename {}", path.display()))?;
     }
     warn(&format!("{why:#}; going on from the one before it, of step {}", adam.steps));
-    Ok(())
+    Ok(under_way)
 }
 
-/// Reads a checkpoint; leaves `params` and `adam` as they are if it is of no use. Other settings are refused: the rest
-/// of the training would be neither the old one nor the new one.
-fn read(path: &Path, params: &Params, adam: &mut AdamW, settings: &Value) -> Result<()> {
+/// Reads a checkpoint and gives what was under way; leaves `params` and `adam` as they are if it is of no use. Other
+/// settings are refused: the rest of the training would be neither the old one nor the new one.
+fn read(path: &Path, params: &Params, adam: &mut AdamW, settings: &Value) -> Result<Vec<f32>> {
     let bytes = std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))?;
     let damaged = || format!("{} is damaged; delete it to begin anew", path.display());
     let tensors = SafeTensors::deserialize(&bytes).with_context(damaged)?;
@@ -80,9 +90,9 @@ fn read(path: &Path, params: &Params, adam: &mut AdamW, settings: &Value) -> Res
         );
     }
     let steps = about["steps"].as_u64().with_context(damaged)?;
-    let [values, first, second] =
-        ["values", "first", "second"].map(|name| store::values(&tensors, name));
-    let (values, first, second) = (values?, first?, second?);
+    let [values, first, second, under_way] = ["values", "first", "second", "under_way"]
+        .map(|name| store::values(&tensors, name).with_context(damaged));
+    let (values, first, second, under_way) = (values?, first?, second?, under_way?);
     if values.len() != params.count() {
         bail!("{} belongs to another network; choose another folder", path.display());
     }
@@ -91,7 +101,7 @@ fn read(path: &Path, params: &Params, adam: &mut AdamW, settings: &Value) -> Res
     }
     params.set_values(&values)?;
     (adam.first, adam.second, adam.steps) = (first, second, steps);
-    Ok(())
+    Ok(under_way)
 }
 
 /// Names of the settings that differ.
@@ -130,18 +140,20 @@ mod tests {
         if outcome.is_err() {
             assert_eq!((params.values()?, adam.steps), (before, 0), "half of it was read");
         }
-        outcome.map(|()| (adam.steps, params.values().unwrap(), warnings))
+        outcome.map(|_| (adam.steps, params.values().unwrap(), warnings))
     }
 
     #[test]
-    fn a_checkpoint_restores_parameters_and_optimiser() {
+    fn a_checkpoint_restores_parameters_optimiser_and_what_was_under_way() {
         let (path, params, adam, settings) = training("restores");
         assert_eq!(loaded(&path, &settings).unwrap(), (0, vec![0.0, 0.0], vec![]));
-        save(&path, &params, &adam, &settings).unwrap();
+        save(&path, &params, &adam, &[7.0, 0.1], &settings).unwrap();
         let values = params.values().unwrap();
         let mut again = AdamW::new(2, 0.0);
         params.set_values(&[0.0, 0.0]).unwrap();
-        load(&path, &params, &mut again, &settings, &mut |text| panic!("{text}")).unwrap();
+        let under_way =
+            load(&path, &params, &mut again, &settings, &mut |text| panic!("{text}")).unwrap();
+        assert_eq!(under_way, [7.0, 0.1]);
         assert_eq!(params.values().unwrap(), values);
         assert_eq!((again.first, again.second, again.steps), (adam.first, adam.second, 1));
         std::fs::remove_dir_all(path.parent().unwrap()).unwrap();
@@ -151,12 +163,12 @@ mod tests {
     fn what_is_of_no_use_is_refused_and_the_one_before_it_is_used() {
         let (path, params, mut adam, settings) = training("refused");
         let foreign = json!({ "rate": 0.2, "steps": 5 });
-        save(&path, &params, &adam, &settings).unwrap();
+        save(&path, &params, &adam, &[], &settings).unwrap();
         // There is none before it.
         let refusal = loaded(&path, &foreign).unwrap_err().to_string();
         assert!(refusal.contains("other settings (rate)"), "{refusal}");
         adam.steps = 2;
-        save(&path, &params, &adam, &settings).unwrap();
+        save(&path, &params, &adam, &[], &settings).unwrap();
         let whole = std::fs::read(&path).unwrap();
         let damaged = [&whole[..whole.len() / 2], &whole[..5], b"nonsense", b""];
         for bytes in damaged {
@@ -167,10 +179,10 @@ mod tests {
             assert_eq!(std::fs::read(aside(&path)).unwrap(), bytes);
         }
         // What goes on from the one before it begins with writing one: damaged as well, that one is still there.
-        save(&path, &params, &adam, &settings).unwrap();
+        save(&path, &params, &adam, &[], &settings).unwrap();
         std::fs::write(&path, b"nonsense").unwrap();
         assert_eq!(loaded(&path, &settings).unwrap().0, 1);
-        save(&path, &params, &adam, &foreign).unwrap();
+        save(&path, &params, &adam, &[], &foreign).unwrap();
         std::fs::write(before(&path), &whole).unwrap();
         let (step, _, warnings) = loaded(&path, &settings).unwrap();
         assert!(step == 2 && warnings[0].contains("other settings (rate)"), "{warnings:?}");

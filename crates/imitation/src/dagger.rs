@@ -9,7 +9,7 @@ use crate::nn::adam::{AdamW, schedule};
 use crate::nn::network::{self, Network, Response};
 use crate::nn::ngf::Active;
 use crate::step::{self, Batch, Loss, Outcome};
-use crate::visits::{Sampler, Visit, is_near};
+use crate::visits::{self, Sampler, Visit, is_near};
 use crate::watcher::{Progress, Reporter, Watcher};
 use anyhow::{Result, bail};
 use policy::PolicyConfig;
@@ -30,15 +30,15 @@ pub struct DaggerConfig {
     pub potential_share: f64,
     /// States a step, over all shards.
     pub batch: usize,
-    /// Batches of states under way: each step takes the next one of them. With one alone, the states of a step would
-    /// be those of the step before, 33 ms later, and the weights would follow the few lessons that are under way.
+    /// Batches of states under way: each step takes the next one of them. With few, the states of a step would be those of
+    /// some steps before, 33 ms later, and the weights would follow the few lessons that are under way.
     pub rounds: usize,
     /// Threads.
     pub shards: usize,
     /// Peak learning rate.
     pub rate: f32,
-    /// Steps that a state is rolled out by the policy before it is drawn anew (H). One: behaviour cloning of noisy
-    /// states.
+    /// Steps that a state is rolled out by the policy before it is drawn anew (H), a quarter more or less. One: behaviour
+    /// cloning of noisy states.
     pub horizon: usize,
     /// Shares of the steps at which roll-outs begin to grow, from one step, and have their full length:
     /// those of a policy that knows nothing lead where nothing can be learned.
@@ -60,8 +60,8 @@ pub struct DaggerConfig {
     pub gains: Gains,
     /// Distance (rad, weighted) that the expert looks ahead at least: times k_p / k_d, its least speed.
     pub lead: f64,
-    /// Steps from checkpoint to checkpoint. All states are drawn anew at each, so that a run that is
-    /// resumed there takes the same steps as one that was never stopped.
+    /// Steps from checkpoint to checkpoint. States under way go on from what is written there, so that a run that is resumed
+    /// takes the same steps as one that was never stopped.
     pub span: u64,
     /// What is trained.
     pub policy: PolicyConfig,
@@ -76,7 +76,7 @@ impl DaggerConfig {
             steps: 72_000,
             potential_share: 0.95,
             batch: 128,
-            rounds: 8,
+            rounds: 64,
             shards: 2,
             rate: 5e-4,
             horizon: 90,
@@ -142,17 +142,20 @@ pub fn train(
     let mut adam = AdamW::new(params.count(), 1e-4);
     let checkpoint = out.join("policy.checkpoint.safetensors");
     let settings = settings(config, lessons, begin)?;
-    crate::checkpoint::load(&checkpoint, &params, &mut adam, &settings, &mut |text| {
-        watcher.warn(text);
-    })?;
-
-    let mut rounds = Vec::new();
+    let load = crate::checkpoint::load;
+    let under_way =
+        load(&checkpoint, &params, &mut adam, &settings, &mut |text| watcher.warn(text))?;
+    let mut rounds = match under_way[..] {
+        [] => sampler.rounds(config, &mut rng),
+        _ => visits::read(&under_way, config.batch, lessons)?,
+    };
     let mut reporter = Reporter::default();
     while adam.steps < config.steps {
-        if rounds.is_empty() || adam.steps.is_multiple_of(config.span) {
-            crate::checkpoint::save(&checkpoint, &params, &adam, &settings)?;
+        if adam.steps.is_multiple_of(config.span) {
+            let under_way = visits::write(&rounds);
+            crate::checkpoint::save(&checkpoint, &params, &adam, &under_way, &settings)?;
+            rounds = visits::read(&under_way, config.batch, lessons)?;
             rng = ChaCha8Rng::seed_from_u64(config.seed ^ (adam.steps + 1) << 20);
-            rounds = sampler.rounds(config, adam.steps, &mut rng);
         }
         let turn = (adam.steps % rounds.len() as u64) as usize;
         let visits: &mut [Visit] = &mut rounds[turn];
@@ -177,7 +180,7 @@ pub fn train(
             return Ok(params);
         }
     }
-    crate::checkpoint::save(&checkpoint, &params, &adam, &settings)?;
+    crate::checkpoint::save(&checkpoint, &params, &adam, &visits::write(&rounds), &settings)?;
     Ok(params)
 }
 

@@ -57,7 +57,7 @@ impl Fit<'_> {
                 bail!("the loss is {} at step {}: lower the rate", gradients.loss(), adam.steps);
             }
             if adam.steps.is_multiple_of(self.span) {
-                crate::checkpoint::save(self.checkpoint, params, &adam, &self.settings)?;
+                crate::checkpoint::save(self.checkpoint, params, &adam, &[], &self.settings)?;
             }
             let (step, steps, loss) = (adam.steps, self.steps, gradients.loss());
             let now = Progress { step, steps, loss, gradient: norm, params };

@@ -3,9 +3,10 @@
 
 use crate::dagger::DaggerConfig;
 use crate::lesson::Lesson;
+use anyhow::{Result, ensure};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
-use robot::{ARM, JointState, JointVector, Limits};
+use robot::{ARM, DOF, JointState, JointVector, Limits};
 
 /// Distance (rad, norm) from the nearest demonstration at which a roll-out is given up.
 const STRAYED: f64 = 0.6;
@@ -32,31 +33,28 @@ impl<'a> Sampler<'a> {
         Self { lessons, full, limits }
     }
 
-    /// States of several batches. Horizons are staggered, so that they are not all drawn anew at once.
-    pub(crate) fn rounds(
-        &self,
-        config: &DaggerConfig,
-        step: u64,
-        rng: &mut ChaCha8Rng,
-    ) -> Vec<Vec<Visit>> {
-        let mut staggered = |i| {
-            let visit = self.draw(config, config.grown(step), rng);
-            Visit { left: 1 + i % visit.left, ..visit }
-        };
-        let mut batch = |_| (0..config.batch).map(&mut staggered).collect();
+    /// States of several batches, to begin with.
+    pub(crate) fn rounds(&self, config: &DaggerConfig, rng: &mut ChaCha8Rng) -> Vec<Vec<Visit>> {
+        let mut draw = |_| self.draw(config, config.grown(0), rng);
+        let mut batch = |_| (0..config.batch).map(&mut draw).collect();
         (0..config.rounds.max(1)).map(&mut batch).collect()
     }
 
     /// A start of a neighbour or a noisy state of a random demonstration; `grown` is the share of
     /// their full length that roll-outs have by now.
     pub(crate) fn draw(&self, config: &DaggerConfig, grown: f64, rng: &mut ChaCha8Rng) -> Visit {
-        let length = |full: usize| 1 + (grown * (full.max(1) - 1) as f64) as usize;
+        let mut length = |full: usize| {
+            let mean = 1 + (grown * (full.max(1) - 1) as f64) as usize;
+            // Those that began together do not end together: in each batch are states of every age.
+            rng.random_range(mean - mean / 4..=mean + mean / 4)
+        };
+        let (length, start_length) = (length(config.horizon), length(config.start_horizon()));
         let lesson = self.full[rng.random_range(0..self.full.len())];
         let encoding = rng.random_range(0..self.lessons[lesson].encodings.len());
         if rng.random::<f64>() < grown * config.start_share {
             let start = self.lessons[lesson].draw_start(rng);
             let q = self.lessons[lesson].encodings[encoding].at_bearing(&start);
-            let (state, left) = (JointState::at_rest(q), length(config.start_horizon()));
+            let (state, left) = (JointState::at_rest(q), start_length);
             let visit = Visit { lesson, encoding, state, left };
             if is_near(&visit, self.lessons) {
                 return visit;
@@ -70,8 +68,43 @@ impl<'a> Sampler<'a> {
         state.q += JointVector::from_fn(|i, _| rng.random_range(-position(i)..=position(i)));
         state.qd += JointVector::from_fn(|_, _| rng.random_range(-velocity..=velocity));
         let state = self.limits.stop(&state);
-        Visit { lesson, encoding, state, left: length(config.horizon) }
+        Visit { lesson, encoding, state, left: length }
     }
+}
+
+/// Numbers of a visit in a checkpoint: lesson, encoding, steps that are left, positions, velocities.
+const ROW: usize = 3 + 2 * DOF;
+
+/// States under way as numbers.
+pub(crate) fn write(rounds: &[Vec<Visit>]) -> Vec<f32> {
+    let row = |visit: &Visit| {
+        let indices = [visit.lesson, visit.encoding, visit.left].map(|index| index as f32);
+        let state = [visit.state.q, visit.state.qd];
+        let state = state
+            .into_iter()
+            .flat_map(|joints| joints.iter().map(|x| *x as f32).collect::<Vec<_>>());
+        indices.into_iter().chain(state).collect::<Vec<_>>()
+    };
+    rounds.iter().flatten().flat_map(row).collect()
+}
+
+/// States under way of several batches from their numbers.
+pub(crate) fn read(numbers: &[f32], batch: usize, lessons: &[Lesson]) -> Result<Vec<Vec<Visit>>> {
+    let visit = |row: &[f32; ROW]| {
+        let [lesson, encoding, left] = std::array::from_fn(|i| row[i] as usize);
+        let joints = |from: usize| JointVector::from_fn(|i, _| f64::from(row[from + i]));
+        let state = JointState { q: joints(3), qd: joints(3 + DOF) };
+        let is_there = lessons.get(lesson).is_some_and(|lesson| encoding < lesson.encodings.len());
+        ensure!(is_there, "the checkpoint is of other lessons; delete it to begin anew");
+        Ok(Visit { lesson, encoding, state, left })
+    };
+    let (rows, rest) = numbers.as_chunks::<ROW>();
+    ensure!(
+        rest.is_empty() && !rows.is_empty(),
+        "the checkpoint is cut off; delete it to begin anew"
+    );
+    let visits = rows.iter().map(visit).collect::<Result<Vec<_>>>()?;
+    Ok(visits.chunks(batch.max(1)).map(<[Visit]>::to_vec).collect())
 }
 
 /// Whether the state is still so close to its demonstrations that the expert makes sense.
@@ -145,6 +178,43 @@ mod tests {
             assert!((q[0] - wanted).abs() < 1e-6, "{} against {wanted}", q[0]);
             assert_eq!(visit.state.qd.norm(), 0.0);
         }
+    }
+
+    #[test]
+    fn what_is_under_way_is_written_and_read_to_single_precision() {
+        let lessons = [lesson(3, 0.0), lesson(1, 0.7)];
+        let limits = Tree::iiwa7_allegro().unwrap().limits;
+        let config = DaggerConfig { batch: 5, rounds: 3, ..tiny() };
+        let mut rng = ChaCha8Rng::seed_from_u64(4);
+        let rounds = Sampler::new(&lessons, &limits).rounds(&config, &mut rng);
+        let written = write(&rounds);
+        let found = read(&written, 5, &lessons).unwrap();
+        assert_eq!(found.iter().map(Vec::len).collect::<Vec<_>>(), [5; 3]);
+        for (before, after) in rounds.iter().flatten().zip(found.iter().flatten()) {
+            let of = |visit: &Visit| (visit.lesson, visit.encoding, visit.left);
+            assert_eq!(of(before), of(after));
+            let off =
+                (before.state.q - after.state.q).amax() + (before.state.qd - after.state.qd).amax();
+            assert!(off < 1e-6, "{off}");
+        }
+        // Whoever goes on from what is written finds the same there as whoever wrote it.
+        assert_eq!(write(&found), written);
+        assert!(read(&written[1..], 5, &lessons).is_err(), "cut off");
+        assert!(read(&written, 5, &lessons[..1]).is_err(), "of other lessons");
+    }
+
+    #[test]
+    fn roll_outs_that_begin_together_end_apart() {
+        let lessons = [lesson(3, 0.0)];
+        let limits = Tree::iiwa7_allegro().unwrap().limits;
+        let sampler = Sampler::new(&lessons, &limits);
+        let config = DaggerConfig { horizon: 40, start_share: 0.0, ..tiny() };
+        let mut rng = ChaCha8Rng::seed_from_u64(3);
+        let lengths: Vec<usize> =
+            (0..400).map(|_| sampler.draw(&config, 1.0, &mut rng).left).collect();
+        assert!(lengths.iter().all(|length| (30..=50).contains(length)));
+        let mean = lengths.iter().sum::<usize>() as f64 / 400.0;
+        assert!((mean - 40.0).abs() < 1.0, "{mean}");
     }
 
     #[test]
