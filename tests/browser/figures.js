@@ -83,8 +83,8 @@ async function liveliness(served) {
   await page.waitForSelector("[data-phase=policy].is-now");
   await page.evaluate(() => {
     globalThis.pictures = 0;
-    const count = () => requestAnimationFrame(count, globalThis.pictures++);
-    count();
+    const count = (drawn) => (globalThis.pictures += drawn.length);
+    new MutationObserver(count).observe(document.getElementById("view"), { attributeFilter: ["data-drawn"] });
   });
   const began = performance.now();
   const rates = [];

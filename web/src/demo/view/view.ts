@@ -11,6 +11,7 @@ import { Forces } from "./forces";
 import { Ghost } from "./ghost";
 import { Limits } from "./limits";
 import { Motion } from "./motion";
+import { Precedence } from "./precedence";
 import { Sharpness } from "./sharpness";
 import { Sketch } from "./sketch";
 import { Spring } from "./spring";
@@ -64,6 +65,7 @@ export class View {
   readonly #limits = new Limits();
   readonly #motion = new Motion();
   readonly #sharpness = new Sharpness(this.#isPlain);
+  readonly #precedence = new Precedence(this.#isPlain);
   #studio: Studio | null = null;
   #sensor: Sensor | null = null;
   #robot: Group[] = [];
@@ -268,11 +270,13 @@ export class View {
     if (this.#isAwake) return;
     this.#isAwake = true;
     const wanted = performance.now();
-    requestAnimationFrame(() => {
-      this.#isAwake = false;
+    const draw = () => {
       const now = performance.now();
+      if (this.#precedence.waits(now)) return void requestAnimationFrame(draw);
+      this.#isAwake = false;
       this.#draw(now, this.#sharpness.share(wanted, now));
-    });
+    };
+    requestAnimationFrame(draw);
   }
 
   // Draws with a share of the screen's pixels along a side, and as finely as it may be once nothing moves.
