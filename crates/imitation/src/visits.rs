@@ -92,6 +92,7 @@ pub(crate) fn write(rounds: &[Vec<Visit>]) -> Vec<f32> {
 pub(crate) fn read(numbers: &[f32], batch: usize, lessons: &[Lesson]) -> Result<Vec<Vec<Visit>>> {
     let visit = |row: &[f32; ROW]| {
         let [lesson, encoding, left] = std::array::from_fn(|i| row[i] as usize);
+        let left = left.max(1);
         let joints = |from: usize| JointVector::from_fn(|i, _| f64::from(row[from + i]));
         let state = JointState { q: joints(3), qd: joints(3 + DOF) };
         let is_there = lessons.get(lesson).is_some_and(|lesson| encoding < lesson.encodings.len());
