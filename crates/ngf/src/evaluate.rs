@@ -59,7 +59,6 @@ enum Feedback {
 
 /// Evaluates and prints one line for each controller, and for families their sums.
 pub(crate) fn run(options: &Options) -> Result<()> {
-    let objects = objects(options)?;
     let mut workcell = Workcell::new()?;
     let model_hash = match options.model.as_str() {
         "planner" => None,
@@ -68,6 +67,7 @@ pub(crate) fn run(options: &Options) -> Result<()> {
     if model_hash.is_none() && options.card.is_some() {
         bail!("--card is of a model, and the planner is none");
     }
+    let objects = objects(options, &workcell)?;
     let pose = pose(options)?;
     let seeds = seeds(options.seed, options.attempts)?;
     let mut reports = Vec::new();
@@ -105,10 +105,10 @@ pub(crate) fn seeds(first: u64, attempts: usize) -> Result<Range<u64>> {
     Ok(first..first + attempts as u64)
 }
 
-/// Objects that are attempted.
-fn objects(options: &Options) -> Result<Vec<Subject>> {
+/// Objects that are attempted; a mesh lies as the page has it with this model.
+fn objects(options: &Options, mut workcell: &Workcell) -> Result<Vec<Subject>> {
     if options.family.is_empty() {
-        return Ok(vec![options.object.load()?]);
+        return Ok(vec![options.object.load_as(&mut workcell)?]);
     }
     let families: BTreeSet<&str> = CATALOG.iter().map(|entry| entry.family).collect();
     if let Some(unknown) = options.family.iter().find(|name| !families.contains(name.as_str())) {

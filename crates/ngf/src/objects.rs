@@ -1,7 +1,7 @@
 //! Objects: a list and a sheet of those that are built in, and which one a command works on.
 
 use anyhow::{Context, Result, bail};
-use geometry::brought::{self, Stands, Told};
+use geometry::brought::{self, Guide, Stands, Told};
 use geometry::catalog::CATALOG;
 use geometry::mesh::{self, Simplified};
 use geometry::object::Object;
@@ -92,9 +92,14 @@ impl ObjectOptions {
 
     /// Loads the object.
     pub(crate) fn load(&self) -> Result<Subject> {
+        self.load_as(&mut ())
+    }
+
+    /// Loads the object; `guide` lays what would fall over.
+    pub(crate) fn load_as(&self, guide: &mut impl Guide) -> Result<Subject> {
         let subject = match (&self.object, &self.mesh) {
             (Some(name), None) => Subject::built_in(name)?,
-            (None, Some(path)) => of_mesh(path, &self.heaviness()?)?,
+            (None, Some(path)) => of_mesh(path, &self.heaviness()?, guide)?,
             _ => bail!(
                 "name an object with --object, or a mesh file with --mesh and --mass or --density"
             ),
@@ -111,7 +116,11 @@ impl ObjectOptions {
 
 /// The object of a mesh file as the page has it too; its name is that of the file, with its ending where a built-in object
 /// has that name. Says what was made of it that somebody may not expect.
-pub(crate) fn of_mesh(path: &Path, heaviness: &Heaviness) -> Result<Subject> {
+pub(crate) fn of_mesh(
+    path: &Path,
+    heaviness: &Heaviness,
+    guide: &mut impl Guide,
+) -> Result<Subject> {
     let bytes = read(path).with_context(|| format!("cannot read {}", path.display()))?;
     let text = |name: Option<&OsStr>| name.unwrap_or_default().to_string_lossy().into_owned();
     let (stem, whole) = (text(path.file_stem()), text(path.file_name()));
@@ -121,7 +130,7 @@ pub(crate) fn of_mesh(path: &Path, heaviness: &Heaviness) -> Result<Subject> {
         Heaviness::Density(_) => None,
     };
     let told = Told { mass, ..Told::default() };
-    let found = brought::read(&name, &bytes, told, &mut ())
+    let found = brought::read(&name, &bytes, told, guide)
         .with_context(|| format!("{} cannot be used", path.display()))?;
     if let Some(Simplified { from, .. }) = found.simplified {
         eprintln!("{name}: {from} triangles are too many, and were made fewer");

@@ -171,7 +171,8 @@ fn object(text: &str) -> Result<Subject> {
             let mass: f32 =
                 mass.parse().with_context(|| format!("{text}: the mass (kg) is no number"))?;
             let mass = objects::positive(&format!("{text}: the mass"), mass, "kilograms")?;
-            objects::of_mesh(Path::new(file), &Heaviness::Mass(mass))
+            // Every policy is given the same object.
+            objects::of_mesh(Path::new(file), &Heaviness::Mass(mass), &mut ())
         }
     }
 }

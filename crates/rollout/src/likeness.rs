@@ -2,6 +2,7 @@
 
 use crate::attempt::drawn_pose;
 use crate::workcell::Workcell;
+use geometry::brought::Guide;
 use geometry::catalog::base_of;
 use geometry::mesh::Mesh;
 use geometry::{Pose, Vec3, cloud};
@@ -68,5 +69,12 @@ impl Workcell {
         let seen = meshes.enumerate().filter_map(|(side, mesh)| Some((side, off(mesh)?)));
         let nearest = seen.min_by(|(_, a), (_, b)| a.total_cmp(b));
         nearest.map(|(side, _)| side)
+    }
+}
+
+/// Lays what would fall over as it looks most like what the model learned from.
+impl Guide for &Workcell {
+    fn lay(&mut self, sides: impl Iterator<Item = Mesh>) -> Option<usize> {
+        self.most_familiar(sides)
     }
 }
