@@ -4,7 +4,7 @@
 const DEEDS = ["keydown", "keyup", "pointerdown", "pointerup"];
 // The picture waits for so long after one of these (milliseconds).
 const MOMENT = 20;
-// Nobody types so fast that there is none for longer (milliseconds).
+// However fast somebody types, it waits no longer (milliseconds).
 const LONGEST = 100;
 
 export class Precedence {
