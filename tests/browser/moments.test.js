@@ -84,18 +84,30 @@ test("another policy is chosen, and the page comes back with it", async () => {
   assert.equal(await page.inputValue("#policy"), "mlp-pcd");
   await page.locator("#policy").scrollIntoViewIfNeeded();
   await screenshot(page, "policy");
-  // One that is gone since the list was made: the one before still acts.
+  // One that is gone since the list was made: the one before still acts, and there is a link to what it did.
+  await grasp(page, 0);
   await page.focus("#policy");
   await page.waitForSelector("#policy [value=families]", { state: "attached" });
   await page.route("**/families/**", (route) => route.fulfill({ status: 404 }));
   await page.selectOption("#policy", "families");
   await page.waitForSelector(".failures [data-code]");
   await page.waitForFunction(() => document.getElementById("policy").value === "mlp-pcd");
+  assert.ok(await page.isEnabled("#copy-link"));
+  // Another worker is told of the one that acts, not of the one that did not come.
+  await page.workers()[0].evaluate(() => {
+    setTimeout(() => {
+      throw new Error("stopped by a test");
+    });
+  });
+  await page.click('[data-code="engine_stopped"] .again');
+  await page.waitForSelector('[data-code="engine_stopped"]', { state: "detached" });
+  await untilReady(page);
+  await acts("mlp-pcd");
   await page.selectOption("#policy", "default");
   await acts("default");
   assert.equal(new URL(page.url()).search, "");
   // What is gone shows in the console.
-  assert.ok(complaints.every((complaint) => /404|families/.test(complaint)), complaints.join());
+  assert.ok(complaints.every((complaint) => /404|families|stopped by a test/.test(complaint)), complaints.join());
   await page.close();
 });
 

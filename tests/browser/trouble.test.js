@@ -110,6 +110,33 @@ test("a panic in the simulation is told with its reason, and what stands on the 
   await page.close();
 });
 
+test("a page of which a part does not come says so", async () => {
+  const { page } = await blank(served);
+  await page.route(/\/main-[^/]*\.js$/, (route) => route.fulfill({ status: 404 }));
+  await page.goto(served.address);
+  await page.waitForSelector("#broken:not([hidden])");
+  assert.match(await page.textContent("#broken"), /Reload it/);
+  assert.ok(await page.isHidden("#headline"));
+  await page.close();
+});
+
+test("what nobody has foreseen is told", async () => {
+  const { page } = await visit(served);
+  await page.evaluate(() => {
+    setTimeout(() => {
+      throw new Error("forgotten by us");
+    });
+  });
+  const card = page.locator('[data-code="page_failed"]');
+  await card.waitFor();
+  assert.match(await card.textContent(), /forgotten by us/);
+  // A page that came over plain http from another machine has no clipboard.
+  await page.evaluate(() => Object.defineProperty(navigator, "clipboard", { value: undefined }));
+  await card.locator(".copy").click();
+  await page.waitForFunction(() => String(getSelection()).includes("forgotten by us"));
+  await page.close();
+});
+
 test("a file without end is not read", async () => {
   const { page } = await visit(served);
   await untilReady(page);

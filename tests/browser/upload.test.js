@@ -407,6 +407,52 @@ test("what was said of a mesh holds on the next visit", async () => {
   await page.close();
 });
 
+test("a link about another file leaves what was said of one's own", async () => {
+  const { page, complaints } = await visit(served);
+  await untilReady(page);
+  await page.setInputFiles("#file", file("box.obj", BOX));
+  await page.waitForFunction(() => document.getElementById("report-mass").textContent === "173 g");
+  await page.fill("#mass", "250");
+  await page.press("#mass", "Tab");
+  await page.waitForFunction(() => document.getElementById("report-mass").textContent === "250 g");
+  await untilKept(page, "box.obj", (kept) => kept?.told?.massKg === 0.25);
+  const link = (unit) => `#v=1&o=other.stl&oh=0&u=${unit}&kg=0.7&p=0.6,0,0&s=0&m=default&sc=0&h=0`;
+  await page.goto("about:blank");
+  await page.goto(served.address + link("m"));
+  await page.waitForSelector("[data-code=link_needs_file]");
+  await untilReady(page);
+  await page.click("#objects label:has-text('box.obj')");
+  await page.waitForFunction(() => document.getElementById("report-size").textContent === "4.0 × 6.0 × 12.0 cm");
+  assert.equal(await page.textContent("#report-mass"), "250 g");
+  await untilKept(page, "box.obj", (kept) => kept?.told?.massKg === 0.25);
+  // What no page writes is refused as a whole.
+  await page.goto("about:blank");
+  await page.goto(served.address + link("ell"));
+  assert.match(await page.textContent("[data-code=link_damaged]"), /"u" says "ell"/);
+  assert.deepEqual(complaints, []);
+  await page.close();
+});
+
+test("two corrections that come at once both count", async () => {
+  const { page, complaints } = await visit(served);
+  await untilReady(page);
+  await page.setInputFiles("#file", file("box.obj", BOX));
+  await page.waitForFunction(() => document.getElementById("report-mass").textContent === "173 g");
+  await page.evaluate(() => {
+    const set = (id, value) => {
+      const field = document.getElementById(id);
+      field.value = value;
+      field.dispatchEvent(new Event("change", { bubbles: true }));
+    };
+    set("mass", "250");
+    set("sides", "0");
+  });
+  await page.waitForFunction(() => document.getElementById("report-size").textContent.endsWith("× 4.0 cm"));
+  assert.equal(await page.textContent("#report-mass"), "250 g");
+  assert.deepEqual(complaints, []);
+  await page.close();
+});
+
 test("a mesh is there on the next visit, until it is removed", async () => {
   const { page, complaints } = await visit(served);
   await untilReady(page);

@@ -53,9 +53,10 @@ export class Arrival {
     }
   }
 
-  // What the link says of the file that it is about.
-  get told(): Told | undefined {
-    return this.#stage === "coming" ? (this.#shared.told ?? undefined) : undefined;
+  // What is to be said of a file: what the link says of its own, and of one of which nothing was said before.
+  told(file: File, before?: Told): Told | undefined {
+    const isIts = file.name === this.#shared.object || before === undefined;
+    return (this.#stage === "coming" && isIts ? this.#shared.told : null) ?? before;
   }
 
   // It is known who acts: the first policy that comes. Whoever chooses another one since knows that the link is of another.

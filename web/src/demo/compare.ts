@@ -12,6 +12,8 @@ export interface ComparisonEvents {
   now(): ToWorker[];
   // The second picture, if there can be one.
   picture(): View | null;
+  // Where the viewer of the first one stands.
+  stand(): number[] | null;
   // How the second policy did in a row of attempts, and that a row is over; null is whichever it was.
   attempted(row: Attempted): void;
   over(run: number | null): void;
@@ -113,9 +115,12 @@ export class Comparison {
   #receive(message: FromWorker): void {
     const view = this.#view;
     switch (message.kind) {
-      case "ready":
+      case "ready": {
         view?.show(message);
+        const stand = this.#events.stand();
+        if (stand) view?.standAt(stand);
         break;
+      }
       case "object":
         view?.showObject(message);
         break;

@@ -50,6 +50,11 @@ export class Engine {
     else this.send(greeting);
   }
 
+  // The same without telling this one, which does so already.
+  keep(greeting: ToWorker): void {
+    this.#greeting = greeting;
+  }
+
   // Nobody listens any more.
   stop(): void {
     this.#worker.terminate();

@@ -23,7 +23,7 @@ import { SearchPanel } from "./panel/search";
 import { SharePanel } from "./panel/share";
 import { shortcuts } from "./panel/shortcuts";
 import { makeSheet } from "./panel/sheet";
-import type { FromWorker, Model, PlanarPose, Ready, ToWorker } from "./protocol";
+import type { FromWorker, Model, PlanarPose, Ready, Told, ToWorker } from "./protocol";
 import { save } from "./save";
 import { type Shared, sharedIn } from "./share";
 import { Situation } from "./situation";
@@ -35,6 +35,8 @@ import { View, type ViewEvents } from "./view/view";
 
 let isFirstModel = true;
 let objectHash = "";
+// Who acts, once somebody does.
+let acts: Model | null = null;
 // What the address asks for, once a worker is there.
 let brought: Promise<void> | null = null;
 
@@ -66,11 +68,12 @@ const objects = new ObjectPicker({
   load,
   upload: (file) => {
     opening.stop();
-    void uploads.begin(file, arrival?.told ?? uploads.told(file));
+    void uploads.begin(file, saidOf(file));
   },
   corrected: (file, told) => uploads.remember(file, told),
   refused: (cause) => failures.show({ kind: "failure", code: "files_unreadable", ...FILES.unusable(cause) }),
   cut: (most) => failures.show({ kind: "failure", code: "files_left_out", ...FILES.cut(most) }),
+  unkept: ({ name }) => failures.show({ kind: "failure", code: "mesh_not_kept", ...FILES.notKept(name) }),
 });
 const uploads = new Uploads({
   read: (message) => {
@@ -79,15 +82,17 @@ const uploads = new Uploads({
   },
   asked: (message, file) => situation.ask(message, file),
   refused: (file) => objects.refuse(file),
+  unread: () => objects.stay(),
   corrected: (file, told) => objects.correct(file, told),
   tell: (failure) => failures.show(failure),
 });
 const report = new ReportCard((part) => {
   const { file, lastTold } = situation;
   if (!file || !lastTold) return;
+  const told = uploads.awaited(file) ?? lastTold;
   // In another unit it looks otherwise, and what was guessed is guessed anew; else it stays as it is.
-  const stands = part.unit ? lastTold.stands : (lastTold.stands ?? situation.stands);
-  void uploads.begin(file, { ...lastTold, stands, ...part });
+  const stands = part.unit ? told.stands : (told.stands ?? situation.stands);
+  void uploads.begin(file, { ...told, stands, ...part });
 });
 const batch = new BatchPanel({
   send,
@@ -103,6 +108,7 @@ const comparison = new Comparison({
     layers.apply((layer, on) => picture?.setLayer(layer, on));
     return picture;
   },
+  stand: () => view?.stand() ?? null,
   attempted: (row) => batch.add(row, 1),
   over: (run) => batch.end(1, run),
   tell: (failure) => failures.show(failure),
@@ -200,8 +206,10 @@ function receive(message: FromWorker): void {
       if (situation.file && situation.told) uploads.loaded(situation.file, situation.told);
       report.show(message.report);
       attempt.hasObject(message.tally);
-      batch.clear();
-      if (message.hash !== objectHash) search.clear();
+      if (message.hash !== objectHash) {
+        batch.clear();
+        search.clear();
+      }
       objectHash = message.hash;
       // The second worker was not asked how it lies.
       if (situation.because === "laid") comparison.send(situation.object()!);
@@ -253,6 +261,8 @@ function receive(message: FromWorker): void {
     case "failure":
       if (isEnd(message)) {
         stop(ATTEMPT.stopped);
+        // What it could not read would stop the next one, too.
+        while (situation.isReading) giveUp(situation.refused());
         objects.disable();
       }
       if (message.code === "wasm_unsupported") stop(ATTEMPT.unsupported);
@@ -275,12 +285,17 @@ function begin(ready: Ready): void {
 // With a mesh that the address asks for, the first attempt begins by itself, unless motion is unwelcome.
 async function showModel(model: Model): Promise<void> {
   attempt.showModel(model);
-  // What another encoder made of the cloud is not what this one does.
-  view?.forgetReconstruction();
-  report.showLikeness(null);
-  batch.clear();
+  // Of what was asked for and did not come, a later worker is not told.
+  if (model.id !== null) engine.keep(useModel(model.id));
+  if (model.id !== acts?.id || model.hash !== acts.hash) {
+    // What another encoder made of the cloud is not what this one does.
+    view?.forgetReconstruction();
+    report.showLikeness(null);
+    batch.clear();
+    share.hasModel(model);
+  }
+  acts = model;
   batch.enable(true);
-  share.hasModel(model);
   comparison.name(model.id);
   policy.show(model.id);
   training?.hasModel(model);
@@ -302,10 +317,16 @@ async function bring(): Promise<void> {
     const file = await asked.fetchFile();
     if (!file) return;
     if (!asked.plays) objects.add(file);
-    await uploads.begin(file, arrival?.told);
+    await uploads.begin(file, saidOf(file));
   } catch (error) {
     failures.show({ kind: "failure", code: "address_unusable", ...FILES.notFetched(String(error)) });
   }
+}
+
+// What is said of a file as it is read.
+function saidOf(file: File): Told | undefined {
+  const before = uploads.told(file);
+  return arrival ? arrival.told(file, before) : before;
 }
 
 function graphics(works: boolean): void {
@@ -322,7 +343,7 @@ function whenSeen(act: () => void): void {
 function stop(headline: string): void {
   opening.stop();
   attempt.stop(headline);
-  batch.clear();
+  batch.stop();
   batch.enable(false);
   playback.disable();
   endProgress();
@@ -362,6 +383,16 @@ function refuse(file: File | null): void {
 // The same of one that nobody waits for any more.
 function giveUp(file: File | null): void {
   if (file) objects.giveUp(file);
+}
+
+// What nobody has foreseen is told, too.
+addEventListener("error", ({ message }) => tellOfPage(message));
+addEventListener("unhandledrejection", ({ reason }) => tellOfPage(String(reason)));
+
+function tellOfPage(why: string): void {
+  // A picture that did not settle within one frame does in the next.
+  if (why.includes("ResizeObserver loop")) return;
+  failures.show({ kind: "failure", code: "page_failed", ...FAILURES.ofPage(why) });
 }
 
 // A link that is followed here begins as on a page of its own.

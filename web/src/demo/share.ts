@@ -75,14 +75,14 @@ export function sharedIn(hash = location.hash): Shared | null {
     object: text("o"),
     objectHash: text("oh"),
     told: {
-      unit: fields.get("u") as Unit | null,
-      massKg: fields.has("kg") ? numbers("kg", 1)[0] : null,
+      unit: fields.has("u") ? unitIn(text("u")) : null,
+      massKg: fields.has("kg") ? positiveIn("kg", numbers("kg", 1)[0]) : null,
       stands: fields.has("st") ? standsIn(text("st")) : null,
     },
     mesh: fields.get("mesh"),
     pose: { x, y: y!, yaw: yaw! },
     placed: fields.has("d"),
-    seed: numbers("s", 1)[0],
+    seed: countIn("s", numbers("s", 1)[0]),
     model: text("m"),
     modelHash: fields.get("mh"),
     scene: text("sc"),
@@ -92,6 +92,23 @@ export function sharedIn(hash = location.hash): Shared | null {
   };
 }
 
+const UNITS: readonly string[] = ["m", "cm", "mm", "in"] satisfies Unit[];
+
+function unitIn(text: string): Unit {
+  if (!UNITS.includes(text)) throw new Error(LINK.partUnknown("u", text));
+  return text as Unit;
+}
+
+function positiveIn(name: string, value: number): number {
+  if (value <= 0) throw new Error(LINK.partUnknown(name, String(value)));
+  return value;
+}
+
+function countIn(name: string, value: number): number {
+  if (!Number.isSafeInteger(value) || value < 0) throw new Error(LINK.partUnknown(name, String(value)));
+  return value;
+}
+
 function standsIn(text: string): Stands {
-  return text === "file" ? "asInFile" : { on: Math.trunc(Number(text)) || 0 };
+  return text === "file" ? "asInFile" : { on: countIn("st", Number(text)) };
 }

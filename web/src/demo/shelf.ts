@@ -26,29 +26,33 @@ export class Shelf {
   }
 
   // The last of a name counts; of too many, the first ones brought make room. What is said of a file later does not make
-  // it a newer one.
-  async keep(file: File, told?: Told): Promise<void> {
-    await this.#change(async (meshes) => {
+  // it a newer one. Gives whether it is kept.
+  async keep(file: File, told?: Told): Promise<boolean> {
+    const isKept = await this.#change(async (meshes) => {
       const before = told && (await answer<Kept | undefined>(meshes.get(file.name)));
       const at = before?.at ?? Date.now();
       await answer(meshes.put({ file, at, ...(told && { told }) } satisfies Kept, file.name));
     });
     const kept = await this.files();
     for (const { file } of kept.slice(0, Math.max(0, kept.length - MOST))) await this.forget(file.name);
+    return isKept;
   }
 
   async forget(fileName: string): Promise<void> {
     await this.#change((meshes) => answer(meshes.delete(fileName)));
   }
 
-  // What a full store does not take is there until the page is left.
-  async #change(act: (meshes: IDBObjectStore) => Promise<unknown>): Promise<void> {
+  // Gives whether the store has it: what a full one does not take is there until the page is left.
+  async #change(act: (meshes: IDBObjectStore) => Promise<unknown>): Promise<boolean> {
     const database = await this.#database;
-    if (!database) return;
+    if (!database) return false;
     try {
-      await act(database.transaction(MESHES, "readwrite").objectStore(MESHES));
+      const transaction = database.transaction(MESHES, "readwrite");
+      await Promise.all([act(transaction.objectStore(MESHES)), completed(transaction)]);
+      return true;
     } catch (error) {
       console.info("not kept:", error);
+      return false;
     }
   }
 }
@@ -67,5 +71,13 @@ function answer<T>(request: IDBRequest<T>): Promise<T> {
   return new Promise((resolve, reject) => {
     request.onsuccess = () => resolve(request.result);
     request.onerror = () => reject(request.error);
+  });
+}
+
+// What was asked for may succeed and yet not be written.
+function completed(transaction: IDBTransaction): Promise<void> {
+  return new Promise((resolve, reject) => {
+    transaction.oncomplete = () => resolve();
+    transaction.onabort = () => reject(transaction.error);
   });
 }

@@ -74,6 +74,7 @@ export const TRAINING = {
   acts: (step: string) => `Step ${step} acts, the newest so far.`,
   newest: (step: string) => `Step ${step} is the newest so far.`,
   over: "The training is over.",
+  lost: "The server does not answer: what is learned meanwhile comes when it is back.",
 } as const;
 
 export const SEARCH = {
@@ -95,6 +96,7 @@ export const SHARE = {
   sending: (file: string) => `Sending ${file}…`,
   stopSending: "Stop sending",
   notSent: "It was not sent.",
+  kept: "The server has the file: links to attempts with it suffice.",
   notKept: (why: string) => `This server does not keep the file: ${why}.`,
   tooLarge: (file: string, most: number) => `${file} is larger than ${most} MB`,
   noServer: "no server answers",
@@ -145,6 +147,7 @@ const SEE_THERE = "Open it where it was made to see it as it was.";
 export const LINK = {
   unknownVersion: (version: string) => `it is of version ${version}, which this page does not know`,
   partMissing: (part: string) => `its part "${part}" is missing`,
+  partUnknown: (part: string, value: string) => `its part "${part}" says "${value}", which means nothing`,
   partNotNumbers: (part: string, count: number) => `its part "${part}" is not ${count} numbers`,
   damaged: (why: string) => ({ cause: `This link is damaged: ${why}.`, cure: "Ask for it again; perhaps a part of it was cut off." }),
   otherScene: { cause: "This link was made with another version of the scene: the attempt may end otherwise.", cure: SEE_THERE },
@@ -179,6 +182,10 @@ export const FILES = {
     cause: `${file} could not be read: ${why}`,
     cure: "Check that it still exists and may be read, and choose it again.",
   }),
+  notKept: (file: string) => ({
+    cause: `This browser has no room to keep ${file}, or may not keep anything: it is in the list until the page is left.`,
+    cure: "Remove meshes that you no longer need, or bring it again on the next visit.",
+  }),
   tooLarge: (file: string, megabytes: string, most: number) => ({
     cause: `${file} has ${megabytes} MB, more than ${most}.`,
     cure: "Reduce the number of its triangles; the hand does not feel more than a few thousand.",
@@ -195,6 +202,7 @@ export const FAILURES = {
   restart: "Restart",
   fetchAgain: "Fetch it again",
   notLoaded: (why: string) => ({ cause: why, cure: "Reload the page. It needs Chrome 111, Firefox 121, Safari 16.4 or newer." }),
+  ofPage: (why: string) => ({ cause: `The page itself failed: ${why}`, cure: "Reload it; meshes that you brought are kept." }),
   unsupported: { cause: "This browser has no WebAssembly with SIMD, which the simulation is made of.", cure: UPDATE },
   stopped: (why: string | undefined) => ({
     cause: why ? `The simulation stopped: ${why}` : "The simulation did not start.",

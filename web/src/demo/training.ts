@@ -45,6 +45,7 @@ export class Training {
     this.#stream = new Stream(["checkpoint", "status"], {
       goesOn: false,
       opened: () => void this.#catchUp(),
+      lost: () => (this.#words.textContent = TRAINING.lost),
       received: (event) => void (event.job === this.#job && this.#catchUp()),
     });
   }

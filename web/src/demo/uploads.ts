@@ -15,6 +15,8 @@ export interface UploadEvents {
   asked(message: Upload, file: File): void;
   // It is not even read.
   refused(file: File): void;
+  // Its bytes cannot be had; what stands there stays.
+  unread(): void;
   // Something else was said of it than before.
   corrected(file: File, told: Told): void;
   tell(failure: Failure): void;
@@ -22,8 +24,8 @@ export interface UploadEvents {
 
 export class Uploads {
   readonly #events: UploadEvents;
-  // The file whose bytes are awaited.
-  #awaited: File | null = null;
+  // The file whose bytes are awaited, and what is said of it.
+  #awaited: { file: File; told: Told } | null = null;
   // What was asked for since it was chosen.
   #meanwhile: (() => void)[] = [];
   readonly #told = new WeakMap<File, Told>();
@@ -37,6 +39,11 @@ export class Uploads {
   // What was said of a file so far.
   told(file: File): Told | undefined {
     return this.#told.get(file);
+  }
+
+  // What is said of a file while its bytes are awaited.
+  awaited(file: File): Told | null {
+    return this.#awaited?.file === file ? this.#awaited.told : null;
   }
 
   // What was said of it on an earlier visit.
@@ -74,18 +81,20 @@ export class Uploads {
       this.#events.tell({ kind: "failure", code: "mesh_too_large", ...cause });
       return;
     }
-    this.#awaited = file;
+    const own = { file, told };
+    this.#awaited = own;
     try {
       const bytes = await file.arrayBuffer();
-      // Another one was chosen meanwhile.
-      if (this.#awaited !== file) return;
+      // Another one was chosen meanwhile, or something else is said of it.
+      if (this.#awaited !== own) return;
       const message = { kind: "upload", fileName: file.name, bytes, ...told } as const;
       // What plays brings its own object.
       if (!plays(file.name)) this.#events.asked(message, file);
       this.#events.read(message);
       this.#settle();
     } catch (error) {
-      if (this.#awaited === file) this.#settle();
+      if (this.#awaited === own) this.#settle();
+      this.#events.unread();
       this.#events.tell({ kind: "failure", code: "file_unreadable", ...FILES.unreadable(file.name, String(error)) });
     }
   }

@@ -92,7 +92,13 @@ export class BatchPanel {
     row.isOver = true;
     this.#show();
     // Whoever does not see how they stand is told once.
-    if (!this.#isRunning) element("announcement", HTMLElement).textContent = this.#beside.textContent;
+    if (!this.#isRunning) element("announcement", HTMLElement).textContent = this.#beside.textContent || this.#words.textContent;
+  }
+
+  // Nobody who could go on is there; what was counted stays.
+  stop(): void {
+    for (const row of this.#rows) row.isOver = true;
+    this.#show();
   }
 
   // Another object or policy: what was counted is not about it.
@@ -115,7 +121,7 @@ export class BatchPanel {
     this.#bar.hidden = !this.#isRunning;
     this.#bar.max = this.#wanted * this.#rows.length;
     this.#bar.value = this.#rows.reduce((sum, { attempted }) => sum + attempted.length, 0);
-    this.#words.textContent = first && first.attempted.length > 0 ? told(first) : "";
+    this.#words.textContent = first && first.attempted.length > 0 ? (second ? told : counted)(first) : "";
     this.#beside.textContent = first && second && second.attempted.length > 0 ? `${named(first)}, ${named(second)}. ${apart(first, second)}` : "";
     this.#csv.hidden = !first || first.attempted.length === 0;
   }
@@ -132,9 +138,14 @@ function told({ attempted }: Row): string {
   return outOf(attempted.at(-1)?.row.lifted ?? 0, attempted.length);
 }
 
-function named(row: Row): string {
+// The same with its interval.
+function counted(row: Row): string {
   const interval = row.attempted.at(-1)?.row.interval;
-  return BATCH.of(row.name, interval ? BATCH.between(told(row), percent(interval[0]), percent(interval[1])) : told(row));
+  return interval ? BATCH.between(told(row), percent(interval[0]), percent(interval[1])) : told(row);
+}
+
+function named(row: Row): string {
+  return BATCH.of(row.name, counted(row));
 }
 
 // Attempts that one of two lifted and the other did not, of the seeds that both have tried.

@@ -1,6 +1,6 @@
 // Cards that say what failed and what to do. They stay until closed, or until what stopped begins again, and can be copied.
 
-import { element } from "../../common/dom";
+import { copied, element } from "../../common/dom";
 import { isEnd, NOT_FETCHED } from "../engine";
 import type { Failure } from "../protocol";
 import { FAILURES } from "../strings";
@@ -43,12 +43,9 @@ export class Failures {
     part("code").textContent = code;
     part(".close").hidden = isEnd(failure);
     part(".close").addEventListener("click", () => card.remove());
-    part(".copy").addEventListener("click", () => {
+    part(".copy").addEventListener("click", async () => {
       const text = `${cause}\n${cure}\n${code}, ${navigator.userAgent}`;
-      navigator.clipboard.writeText(text).then(
-        () => (part(".copy").textContent = FAILURES.copied),
-        () => getSelection()?.selectAllChildren(card),
-      );
+      if (await copied(card, text)) part(".copy").textContent = FAILURES.copied;
     });
     const again = this.#again(failure);
     if (again) {

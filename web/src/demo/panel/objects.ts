@@ -16,6 +16,8 @@ export interface ObjectEvents {
   refused(cause: string): void;
   // More were brought than so many, which were taken.
   cut(most: number): void;
+  // The browser has no room for it.
+  unkept(file: File): void;
 }
 
 // A file in the list.
@@ -104,11 +106,16 @@ export class ObjectPicker {
       brought.wasRead = true;
       if (brought.isKept === "later") {
         brought.isKept = true;
-        void this.#shelf.keep(brought.file);
+        void this.#keep(brought.file);
       }
       brought.before = null;
     }
     this.#mark(name ?? file);
+  }
+
+  // What was chosen did not come: what stands there is marked again.
+  stay(): void {
+    this.#mark(this.#selected);
   }
 
   #mark(selected: string | File | null): void {
@@ -125,7 +132,11 @@ export class ObjectPicker {
 
   // What was said of a file is kept with it.
   correct(file: File, told: Told): void {
-    if (this.#find(file)?.isKept === true) void this.#shelf.keep(file, told);
+    if (this.#find(file)?.isKept === true) void this.#keep(file, told);
+  }
+
+  async #keep(file: File, told?: Told): Promise<void> {
+    if (!(await this.#shelf.keep(file, told))) this.#events.unkept(file);
   }
 
   // Puts a file into the list, in the place of one of its name, which comes back if this one cannot be read.
@@ -217,7 +228,7 @@ export class ObjectPicker {
       if (plays(file.name)) continue;
       const waits = this.#all(file.name).some(({ isKept }) => isKept === true);
       this.add(file, waits ? "later" : true);
-      if (!waits) void this.#shelf.keep(file);
+      if (!waits) void this.#keep(file);
     }
     const [first] = files;
     if (first) this.#events.upload(first);

@@ -138,10 +138,13 @@ export class SharePanel {
       const path = `meshes?name=${encodeURIComponent(file.name)}`;
       const { id } = await ask<{ id: string }>(path, "POST", file, { signal: this.#sending.signal });
       this.#mesh = id;
+      this.#store.hidden = true;
+      // Of an attempt that is over by now there may be a link.
+      this.#hint.textContent = SHARE.kept;
       await this.copy();
     } catch (error) {
       const isOwn = this.#sending.signal.aborted;
-      const why = error instanceof Refused && error.problem.status > 0 ? error.problem.detail : SHARE.noServer;
+      const why = error instanceof Refused && error.problem.code !== "no_server" ? error.problem.detail : SHARE.noServer;
       this.#hint.textContent = isOwn ? SHARE.notSent : SHARE.notKept(why);
     } finally {
       this.#sending = null;
