@@ -72,7 +72,7 @@ fn is_json(headers: &HeaderMap) -> bool {
 /// Shorter answers gain nothing.
 const WORTH_COMPRESSING: u64 = 1024;
 
-/// Compresses answers in JSON. Weights gain 8 % (gzip -9) and lose ranges; the page is compressed beforehand; a
+/// Compresses answers in JSON. Weights would gain a quarter (gzip -9) and lose ranges; the page is compressed beforehand; a
 /// stream must come through as it is.
 pub(crate) fn compressed() -> CompressionLayer<impl Predicate> {
     let is_worth_it = |_: StatusCode, _: Version, headers: &HeaderMap, _: &Extensions| {

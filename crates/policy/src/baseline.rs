@@ -41,7 +41,7 @@ impl BaselineConfig {
 
     /// The features of the NGF, and about as many weights as its five networks (5.5 million).
     ///
-    /// *Beyond the paper: its baseline has a 150th of the weights of what it is compared with.*
+    /// *Beyond the paper: its baseline has a 200th of the weights of what it is compared with.*
     pub fn large() -> Self {
         let features = Features { seed: 2309, scales: [2.0, 3.0, 16.0] };
         Self { hidden: vec![1420; 3], features: Some(features), ..Self::paper() }

@@ -1,7 +1,7 @@
 //! The encoder: point cloud -> z by PointNet layers, and the decoder back (paper §III-D).
 //!
 //! A set-abstraction layer over neighbourhoods of 16 points, a second layer per neighbourhood, the
-//! maximum over all of them, and a linear read-out. The first 128 points are the centres of the
+//! maximum over all of them, and a read-out of two layers. The first 128 points are the centres of the
 //! neighbourhoods: z depends on which points come first, but neither on their order nor on that of the
 //! others (where no two points are equally far from a centre).
 

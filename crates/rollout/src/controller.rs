@@ -13,11 +13,11 @@ pub enum Controller {
     Policy,
     /// The learned policy told the joints as they are measured: Eq. 6 and 7 lead on from there.
     Measured,
-    /// The learned policy with z of another object pose (control b).
+    /// The learned policy with z of another object pose (`shuffled z` in the suite).
     ShuffledLatent,
-    /// The learned policy with z = 0 (control c).
+    /// The learned policy with z = 0 (`zero z` in the suite).
     ZeroLatent,
-    /// Fingers closed by script at the start configuration (control a).
+    /// Fingers closed by script at the start configuration (`no policy` in the suite).
     Script,
     /// A demonstration planned for this pose, with knowledge of the object.
     Planner,
@@ -25,7 +25,7 @@ pub enum Controller {
     Found(Arc<Vec<Grasp>>),
     /// A demonstration that was made for this pose.
     Demonstration(Vec<JointState>),
-    /// The demonstration that begins where the policy would: play-back without a network (control d).
+    /// The demonstration that begins where the policy would: play-back without a network (`play-back` in the suite).
     Nearest(Arc<Library>),
     /// A recorded attempt, row by row.
     Replay(Recording),

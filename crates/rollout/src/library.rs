@@ -1,4 +1,5 @@
-//! Demonstrations that are played back where a policy would act (control d): what a model is worth without its network.
+//! Demonstrations that are played back where a policy would act (`play-back` in the suite): what a model is worth
+//! without its network.
 
 use policy::Encoding;
 use robot::{JointState, JointVector};
