@@ -72,7 +72,7 @@ const TAUGHT_VARIANTS: [(&str, usize); 2] = [("sugar_box", 2), ("bleach", 8)];
 const ENCODED_VARIANTS: usize = 8;
 
 /// Proportions in preset `families` of what is held to be harder than the others.
-const FAMILY_VARIANTS: [(&str, usize); 3] = [("bleach", 8), ("sugar_box", 3), ("cracker_box", 3)];
+const FAMILY_VARIANTS: [(&str, usize); 3] = [("bleach", 16), ("sugar_box", 3), ("cracker_box", 3)];
 /// Families whose objects come in two proportions: what is round looks the same from everywhere and has demonstrations
 /// enough.
 const ANGULAR: [&str; 2] = ["boxes", "bottles"];

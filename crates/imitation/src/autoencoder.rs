@@ -1,7 +1,7 @@
 //! Training the autoencoder: Chamfer distance plus the mean square of z (paper §III-D), and the moments of the whole
 //! object.
 
-use crate::fit::Fit;
+use crate::fit::{self, Fit};
 use crate::moments::{MOMENTS, Scale, moments};
 use crate::nn::chamfer::Chamfer;
 use crate::nn::{Params, autoencoder as twin};
@@ -26,7 +26,7 @@ pub struct AutoencoderConfig {
     /// Clouds a step.
     pub batch: usize,
     /// Threads.
-    pub shards: usize,
+    pub threads: usize,
     /// Peak learning rate.
     pub rate: f32,
     /// Weight of the mean square of z.
@@ -83,7 +83,7 @@ impl AutoencoderConfig {
         Self {
             steps: 36_000,
             batch: 32,
-            shards: 2,
+            threads: 2,
             rate: 1e-3,
             latent_weight: 1e-4,
             moment_weight: 0.5,
@@ -133,12 +133,12 @@ pub fn train(
         steps: config.steps,
         batch: config.batch,
         piece: PIECE,
-        threads: config.shards,
+        threads: config.threads,
         rate: config.rate,
         span: config.span,
         seed: config.seed,
         checkpoint: &out.join("encoder.checkpoint.safetensors"),
-        settings: serde_json::json!({ "training": config, "data": dataset.hash()? }),
+        settings: fit::settings(config, "data", dataset.hash()?)?,
     };
     if !fit.run(&params, &examples, |part| loss(&params, part, config), watcher)? {
         return Ok(());

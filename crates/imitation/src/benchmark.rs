@@ -25,13 +25,13 @@ use std::time::Instant;
 /// Steps that are measured after as many that are not.
 const STEPS: usize = 8;
 
-/// Names and milliseconds: a step of the NGF, the products of one of its shards, a step of the encoder.
+/// Names and milliseconds: a step of the NGF, that time if its products were all and threads shared them evenly, a step of the encoder.
 pub fn rows() -> Result<Vec<(&'static str, f64)>> {
     let policy = PolicyConfig::named("ngf-pcd").context("the policy of the paper")?;
     let config = DaggerConfig::standard(policy);
     Ok(vec![
         ("ngf_training_step", ngf(&config)?),
-        ("ngf_training_products", products(config.batch / config.shards)?),
+        ("ngf_training_products", products(config.batch)? / config.threads as f64),
         ("encoder_training_step", encoder(&AutoencoderConfig::standard())?),
     ])
 }
@@ -56,7 +56,7 @@ fn ngf(config: &DaggerConfig) -> Result<f64> {
     let mut params = Params::default();
     network::init(&mut params, &config.policy, &mut rng)?;
     let network = Network::new(&config.policy, &limits)?;
-    let mut adam = AdamW::new(params.count(), 1e-4);
+    let mut adam = AdamW::new(&params, 1e-4);
     let mut vector = || JointVector::from_fn(|_, _| rng.random_range(-0.5..0.5));
     let states: Vec<JointState> =
         (0..config.batch).map(|_| JointState { q: vector(), qd: vector() }).collect();
@@ -70,14 +70,13 @@ fn ngf(config: &DaggerConfig) -> Result<f64> {
     };
     time(|| {
         let outcome =
-            step::differentiate(&network, &params, &batch, Active::All, config.shards, &loss)?;
-        adam.step(&params, &outcome.gradients, config.rate, 10.0, config.shards)?;
+            step::differentiate(&network, &params, &batch, Active::All, config.threads, &loss)?;
+        adam.step(&params, &outcome.gradients, config.rate, 10.0, config.threads)?;
         Ok(())
     })
 }
 
-/// Time (ms) of the products that a shard of that many states cannot do without, one after another on one thread:
-/// as long as a step would take if it consisted of nothing else.
+/// Time (ms) of the products that a step with that many states cannot do without, one after another on one thread.
 fn products(rows: usize) -> Result<f64> {
     let mut counts: BTreeMap<[usize; 3], usize> = BTreeMap::new();
     let mut add = |m: usize, k: usize, n: usize| *counts.entry([m, k, n]).or_insert(0) += 1;
@@ -126,17 +125,17 @@ fn encoder(config: &AutoencoderConfig) -> Result<f64> {
     let mut params = Params::default();
     twin::init(&mut params, &mut rng)?;
     twin::init_moments(&mut params, &mut rng)?;
-    let mut adam = AdamW::new(params.count(), 1e-4);
+    let mut adam = AdamW::new(&params, 1e-4);
     let mut point = |axis: usize| [0.6, 0.0, -0.15][axis] + rng.random_range(-0.1f32..0.1);
     let mut cloud = || (0..3 * CLOUD).map(|i| point(i % 3)).collect();
     let examples: Vec<Example> =
         (0..config.batch).map(|_| Example::new(cloud(), [0.0; MOMENTS])).collect();
     let batch: Vec<&Example> = examples.iter().collect();
     time(|| {
-        let gradients = differentiate(&batch, autoencoder::PIECE, config.shards, |part| {
+        let gradients = differentiate(&batch, autoencoder::PIECE, config.threads, |part| {
             autoencoder::loss(&params, part, config)
         })?;
-        adam.step(&params, &gradients, config.rate, 1.0, config.shards)?;
+        adam.step(&params, &gradients, config.rate, 1.0, config.threads)?;
         Ok(())
     })
 }

@@ -28,13 +28,13 @@ pub struct DaggerConfig {
     /// Of a fabric that is begun anew, share of the steps, the first ones, that train F_ψ alone, with a quarter of the products:
     /// where to go is most of what there is to learn. The other networks are as they begin meanwhile.
     pub potential_share: f64,
-    /// States a step, over all shards.
+    /// States a step.
     pub batch: usize,
-    /// Batches of states under way: each step takes the next one of them. With few, the states of a step would be those of
-    /// some steps before, 33 ms later, and the weights would follow the few lessons that are under way.
+    /// Batches of states under way at most: each step takes the next one of them. With few, the states of a step would be
+    /// those of some steps before, 33 ms later, and the weights would follow the few lessons that are under way.
     pub rounds: usize,
     /// Threads.
-    pub shards: usize,
+    pub threads: usize,
     /// Peak learning rate.
     pub rate: f32,
     /// Steps that a state is rolled out by the policy before it is drawn anew (H), a quarter more or less. One: behaviour
@@ -77,7 +77,7 @@ impl DaggerConfig {
             potential_share: 0.95,
             batch: 128,
             rounds: 64,
-            shards: 2,
+            threads: 2,
             rate: 5e-4,
             horizon: 90,
             growth: [0.3, 0.6],
@@ -99,9 +99,8 @@ impl DaggerConfig {
         Some(match name {
             "smoke" => Self { steps: 200, batch: 32, ..standard },
             "small" => Self { steps: 12_000, ..standard },
-            "variants" => Self { steps: 160_000, ..standard },
+            "variants" | "families" => Self { steps: 160_000, ..standard },
             "paper" => standard,
-            "families" => Self { steps: 2 * standard.steps, ..standard },
             _ => return None,
         })
     }
@@ -114,9 +113,26 @@ impl DaggerConfig {
     /// The share of their full length that roll-outs have after `step` steps.
     pub(crate) fn grown(&self, step: u64) -> f64 {
         let [begin, end] = self.growth.map(|share| share * self.steps as f64);
-        ((step as f64 - begin) / (end - begin).max(1.0)).clamp(0.0, 1.0)
+        if step as f64 >= end {
+            1.0
+        } else {
+            ((step as f64 - begin) / (end - begin)).clamp(0.0, 1.0)
+        }
+    }
+
+    /// Batches of states under way: fewer in a short training, so that roll-outs of full length end [`ENDINGS`] times.
+    pub fn rounds(&self) -> usize {
+        let at_full_length = self.steps as f64 * (1.0 - self.growth[1]);
+        let most = at_full_length / (ENDINGS * self.horizon.max(1)) as f64;
+        (most as usize).clamp(LEAST_ROUNDS, self.rounds.max(LEAST_ROUNDS))
     }
 }
+
+/// How often roll-outs of full length end in a training, one after another.
+const ENDINGS: usize = 5;
+
+/// Batches of states under way at least.
+const LEAST_ROUNDS: usize = 8;
 
 /// Trains a policy, a fresh one or that of the weights `begin`; continues from a checkpoint in
 /// `out`.
@@ -139,7 +155,7 @@ pub fn train(
         params.restore(weights)?;
     }
     let network = Network::new(&config.policy, &tree.limits)?;
-    let mut adam = AdamW::new(params.count(), 1e-4);
+    let mut adam = AdamW::new(&params, 1e-4);
     let checkpoint = out.join("policy.checkpoint.safetensors");
     let settings = settings(config, lessons, begin)?;
     let load = crate::checkpoint::load;
@@ -149,7 +165,7 @@ pub fn train(
         [] => sampler.rounds(config, &mut rng),
         _ => visits::read(&under_way, config.batch, lessons)?,
     };
-    let mut reporter = Reporter::default();
+    let mut reporter = Reporter::new(config.span);
     while adam.steps < config.steps {
         if adam.steps.is_multiple_of(config.span) {
             let under_way = visits::write(&rounds);
@@ -163,7 +179,7 @@ pub fn train(
         let active = if is_early { Active::Potential } else { Active::All };
         let outcome = examine(tree, &network, &params, lessons, config, active, visits)?;
         let rate = schedule(adam.steps, 500, config.steps, config.rate);
-        let norm = adam.step(&params, &outcome.gradients, rate, 10.0, config.shards)?;
+        let norm = adam.step(&params, &outcome.gradients, rate, 10.0, config.threads)?;
         if !norm.is_finite() {
             bail!("the loss is {} at step {}: lower the rate", outcome.loss, adam.steps);
         }
@@ -227,13 +243,14 @@ fn examine(
         let shown = joint_and_tip_error(tree, &at, made, &wanted, weight)?;
         Loss::with_metrics(shown, response, config.metric_weight)
     };
-    step::differentiate(network, params, &batch, active, config.shards, &loss)
+    step::differentiate(network, params, &batch, active, config.threads, &loss)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::visits::samples::{lesson, tiny};
+    use std::collections::BTreeSet;
 
     #[test]
     fn a_checkpoint_belongs_to_its_lessons_and_to_what_was_begun_with() {
@@ -257,6 +274,31 @@ mod tests {
             assert_ne!(own["lessons"], other["lessons"]);
         }
         assert_ne!(own["begin"], of(&|_| (), Some(b"weights"))["begin"]);
+    }
+
+    #[test]
+    fn what_is_not_active_is_not_trained() {
+        let tree = Tree::iiwa7_allegro().unwrap();
+        let trained = |potential_share| {
+            let folder = tempfile::tempdir().unwrap();
+            let lessons = [lesson(0, 0.0), lesson(1, 0.7)];
+            let config = DaggerConfig { steps: 6, batch: 4, potential_share, ..tiny() };
+            let mut look_on = |_: &Progress| Ok(true);
+            train(&lessons, &tree, &config, None, folder.path(), &mut look_on).unwrap()
+        };
+        let mut fresh = Params::default();
+        network::init(&mut fresh, &tiny().policy, &mut ChaCha8Rng::seed_from_u64(0)).unwrap();
+        let changed = |params: &Params| -> BTreeSet<String> {
+            let values = |params: &Params, name: &str| {
+                params.tensor(name).unwrap().flatten_all().unwrap().to_vec1::<f32>().unwrap()
+            };
+            let is_changed = |name: &&str| values(params, name) != values(&fresh, name);
+            let names = params.names().filter(is_changed);
+            names.map(|name| name.split('.').next().unwrap_or_default().to_owned()).collect()
+        };
+        assert_eq!(changed(&trained(1.0)), BTreeSet::from(["potential".to_owned()]));
+        assert_eq!(changed(&trained(0.5)).len(), 5);
+        assert_eq!(changed(&trained(0.0)).len(), 5);
     }
 
     #[test]

@@ -42,6 +42,12 @@ impl TrainedEncoder {
         Ok(Self { params, whitening: Whitening::load(&Tensors::parse(weights)?)? })
     }
 
+    /// Names its weights.
+    pub fn hash(&self) -> Result<String> {
+        let weights = self.params.export(&self.whitening.tensors())?;
+        Ok(blake3::hash(&weights).to_hex().to_string())
+    }
+
     /// What the decoder makes of a cloud that has been turned to the front.
     pub fn reconstruct(&self, front: &[Vec3]) -> Result<Vec<Vec3>> {
         let flat: Vec<f32> = front.iter().flat_map(|p| p.to_array()).collect();

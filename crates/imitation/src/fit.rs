@@ -7,6 +7,7 @@ use crate::watcher::{Progress, Reporter, Watcher};
 use anyhow::{Result, bail};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use serde::Serialize;
 use serde_json::Value;
 use std::path::Path;
 
@@ -32,6 +33,17 @@ pub(crate) struct Fit<'a> {
     pub(crate) settings: Value,
 }
 
+/// What a checkpoint must have been made with: a configuration, but for the threads and when checkpoints are written, on
+/// which nothing depends, and what is learned from.
+pub(crate) fn settings(config: &impl Serialize, from: &str, hash: String) -> Result<Value> {
+    let mut settings = serde_json::to_value(config)?;
+    if let Some(settings) = settings.as_object_mut() {
+        ["threads", "span"].iter().for_each(|name| drop(settings.remove(*name)));
+    }
+    settings[from] = hash.into();
+    Ok(settings)
+}
+
 impl Fit<'_> {
     /// Steps until all are done, or the watcher stops it: then `false`.
     pub(crate) fn run<T: Sync>(
@@ -41,11 +53,11 @@ impl Fit<'_> {
         gradient: impl Fn(&[&T]) -> Result<Gradient> + Sync,
         watcher: &mut dyn Watcher,
     ) -> Result<bool> {
-        let mut adam = AdamW::new(params.count(), 1e-4);
+        let mut adam = AdamW::new(params, 1e-4);
         crate::checkpoint::load(self.checkpoint, params, &mut adam, &self.settings, &mut |text| {
             watcher.warn(text)
         })?;
-        let mut reporter = Reporter::default();
+        let mut reporter = Reporter::new(self.span);
         while adam.steps < self.steps {
             let mut rng = ChaCha8Rng::seed_from_u64(self.seed ^ (adam.steps + 1) << 20);
             let batch: Vec<&T> =

@@ -6,8 +6,8 @@ use rayon::prelude::*;
 use robot::{JointState, JointVector, Tree, integrator};
 use scene::config::CONTROL_PERIOD;
 
-/// Control periods of a free roll-out: as long as the policy may act in an attempt.
-const FREE_STEPS: usize = 120;
+/// Control periods of a free roll-out: 4 s, as long as the policy may act in an attempt.
+const FREE_STEPS: usize = (4.0 / CONTROL_PERIOD) as usize;
 
 /// Rows between two at which the damping is looked at.
 const EVERY_ROW: usize = 10;

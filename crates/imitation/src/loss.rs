@@ -73,6 +73,28 @@ mod tests {
     }
 
     #[test]
+    fn its_gradient_is_its_slope() {
+        let tree = Tree::iiwa7_allegro().unwrap();
+        let q = JointVector::from_fn(|i, _| 0.3 * libm::cos(i as f64));
+        let wanted = [JointVector::zeros()];
+        let made = JointVector::from_fn(|i, _| libm::sin(2.0 * i as f64 + 1.0));
+        let way = JointVector::from_fn(|i, _| libm::cos(5.0 * i as f64));
+        let row = |made: JointVector| -> Vec<f32> { made.iter().map(|x| *x as f32).collect() };
+        let loss = |made: &Tensor| joint_and_tip_error(&tree, &[q], made, &wanted, 3.0).unwrap();
+        let var = candle_core::Var::from_vec(row(made), (1, DOF), &Device::Cpu).unwrap();
+        let store = loss(&var).backward().unwrap();
+        let gradient = store.get(&var).unwrap().to_vec2::<f32>().unwrap().remove(0);
+        let along: f64 = gradient.iter().zip(&way).map(|(g, x)| f64::from(*g) * x).sum();
+        let h = 1e-2;
+        let at = |share: f64| {
+            let made = Tensor::from_vec(row(made + way * share), (1, DOF), &Device::Cpu).unwrap();
+            f64::from(loss(&made).to_scalar::<f32>().unwrap())
+        };
+        let slope = (at(h) - at(-h)) / (2.0 * h);
+        assert!((slope - along).abs() < 1e-3 * (1.0 + slope.abs()), "{slope} against {along}");
+    }
+
+    #[test]
     fn it_is_the_mean_over_states() {
         let tree = Tree::iiwa7_allegro().unwrap();
         let [a, b] = [0.1, 0.4].map(JointVector::from_element);

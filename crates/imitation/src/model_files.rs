@@ -15,7 +15,8 @@ use std::path::Path;
 
 /// The bytes of a model's files.
 pub struct ModelFiles {
-    /// Encoder, decoder and policy in half precision.
+    /// Encoder and decoder in half precision, the policy in half precision of which 6 bits of mantissa are kept, the
+    /// whitening of z in single precision.
     pub weights: Vec<u8>,
     /// Start configurations with the z at which they were demonstrated, in half precision, and of which objects.
     pub starts: Vec<u8>,

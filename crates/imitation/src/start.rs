@@ -3,7 +3,7 @@
 //! It learns what the look-up of a model answers to what attempts ask, and a page then needs no table.
 
 use crate::encoder::TrainedEncoder;
-use crate::fit::Fit;
+use crate::fit::{self, Fit};
 use crate::loss::joint_and_tip_error;
 use crate::nn::{Params, mlp};
 use crate::shards::Gradient;
@@ -112,14 +112,14 @@ pub fn queries(
     Ok([taught, held_out])
 }
 
-/// Trains a start model; continues from a checkpoint in `out`.
+/// Trains a start model; continues from a checkpoint in `out`. A watcher may stop it: then there is none.
 pub fn train(
     queries: &[Query],
     tree: &Tree,
     config: &StartConfig,
     out: &Path,
     watcher: &mut dyn Watcher,
-) -> Result<Params> {
+) -> Result<Option<Params>> {
     let Some(first) = queries.first() else { bail!("there are no starts to learn from") };
     let mut params = Params::default();
     let mut rng = ChaCha8Rng::seed_from_u64(config.seed);
@@ -133,14 +133,13 @@ pub fn train(
         span: config.span,
         seed: config.seed,
         checkpoint: &out.join("start.checkpoint.safetensors"),
-        settings: serde_json::json!({ "training": config, "queries": digest(queries) }),
+        settings: fit::settings(config, "queries", digest(queries))?,
     };
     let gradient = |part: &[&Query]| {
         let params = params.of_shard();
         Gradient::of(&loss(&params, tree, part, config.tip_weight)?, &params)
     };
-    fit.run(&params, queries, gradient, watcher)?;
-    Ok(params)
+    Ok(fit.run(&params, queries, gradient, watcher)?.then_some(params))
 }
 
 /// How far what the network says is from what the look-up answers, in the joints and at the fingertips (rad).
@@ -215,7 +214,7 @@ mod tests {
             let config = StartConfig { steps, ..config.clone() };
             let out = folder.path().join(steps.to_string());
             let params = train(&queries, &tree, &config, &out, &mut |_: &Progress| Ok(true));
-            let bytes = params.unwrap().export(&[]).unwrap();
+            let bytes = params.unwrap().unwrap().export(&[]).unwrap();
             errors(&Starts::load(&bytes, 2, &tree).unwrap(), &tree, &queries)
         };
         let [joints, palm] = trained(300);

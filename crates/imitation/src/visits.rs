@@ -33,28 +33,26 @@ impl<'a> Sampler<'a> {
         Self { lessons, full, limits }
     }
 
-    /// States of several batches, to begin with.
+    /// States of several batches, to begin with. Each has another part of its roll-out before it.
     pub(crate) fn rounds(&self, config: &DaggerConfig, rng: &mut ChaCha8Rng) -> Vec<Vec<Visit>> {
-        let mut draw = |_| self.draw(config, config.grown(0), rng);
+        let mut draw = |_| {
+            let visit = self.draw(config, config.grown(0), rng);
+            Visit { left: rng.random_range(1..=visit.left), ..visit }
+        };
         let mut batch = |_| (0..config.batch).map(&mut draw).collect();
-        (0..config.rounds.max(1)).map(&mut batch).collect()
+        (0..config.rounds()).map(&mut batch).collect()
     }
 
     /// A start of a neighbour or a noisy state of a random demonstration; `grown` is the share of
     /// their full length that roll-outs have by now.
     pub(crate) fn draw(&self, config: &DaggerConfig, grown: f64, rng: &mut ChaCha8Rng) -> Visit {
-        let mut length = |full: usize| {
-            let mean = 1 + (grown * (full.max(1) - 1) as f64) as usize;
-            // Those that began together do not end together: in each batch are states of every age.
-            rng.random_range(mean - mean / 4..=mean + mean / 4)
-        };
-        let (length, start_length) = (length(config.horizon), length(config.start_horizon()));
         let lesson = self.full[rng.random_range(0..self.full.len())];
         let encoding = rng.random_range(0..self.lessons[lesson].encodings.len());
         if rng.random::<f64>() < grown * config.start_share {
             let start = self.lessons[lesson].draw_start(rng);
             let q = self.lessons[lesson].encodings[encoding].at_bearing(&start);
-            let (state, left) = (JointState::at_rest(q), start_length);
+            let (state, left) =
+                (JointState::at_rest(q), length(config.start_horizon(), grown, rng));
             let visit = Visit { lesson, encoding, state, left };
             if is_near(&visit, self.lessons) {
                 return visit;
@@ -68,8 +66,15 @@ impl<'a> Sampler<'a> {
         state.q += JointVector::from_fn(|i, _| rng.random_range(-position(i)..=position(i)));
         state.qd += JointVector::from_fn(|_, _| rng.random_range(-velocity..=velocity));
         let state = self.limits.stop(&state);
-        Visit { lesson, encoding, state, left: length }
+        Visit { lesson, encoding, state, left: length(config.horizon, grown, rng) }
     }
+}
+
+/// Steps of a roll-out that has a share `grown` of `full`, a quarter more or less: those that began together do not end
+/// together, so that in each batch are states of every age.
+fn length(full: usize, grown: f64, rng: &mut ChaCha8Rng) -> usize {
+    let mean = 1 + (grown * (full.max(1) - 1) as f64) as usize;
+    rng.random_range(mean - mean / 4..=mean + mean / 4)
 }
 
 /// Numbers of a visit in a checkpoint: lesson, encoding, steps that are left, positions, velocities.
@@ -185,12 +190,12 @@ mod tests {
     fn what_is_under_way_is_written_and_read_to_single_precision() {
         let lessons = [lesson(3, 0.0), lesson(1, 0.7)];
         let limits = Tree::iiwa7_allegro().unwrap().limits;
-        let config = DaggerConfig { batch: 5, rounds: 3, ..tiny() };
+        let config = DaggerConfig { batch: 5, steps: 1, ..tiny() };
         let mut rng = ChaCha8Rng::seed_from_u64(4);
         let rounds = Sampler::new(&lessons, &limits).rounds(&config, &mut rng);
         let written = write(&rounds);
         let found = read(&written, 5, &lessons).unwrap();
-        assert_eq!(found.iter().map(Vec::len).collect::<Vec<_>>(), [5; 3]);
+        assert_eq!(found.iter().map(Vec::len).collect::<Vec<_>>(), [5; 8]);
         for (before, after) in rounds.iter().flatten().zip(found.iter().flatten()) {
             let of = |visit: &Visit| (visit.lesson, visit.encoding, visit.left);
             assert_eq!(of(before), of(after));
@@ -216,6 +221,30 @@ mod tests {
         assert!(lengths.iter().all(|length| (30..=50).contains(length)));
         let mean = lengths.iter().sum::<usize>() as f64 / 400.0;
         assert!((mean - 40.0).abs() < 1.0, "{mean}");
+    }
+
+    #[test]
+    fn what_begins_at_full_length_is_at_every_stage_of_it() {
+        let lessons = [lesson(3, 0.0)];
+        let limits = Tree::iiwa7_allegro().unwrap().limits;
+        let config = DaggerConfig { horizon: 40, growth: [0.0; 2], start_share: 0.0, ..tiny() };
+        let rounds =
+            Sampler::new(&lessons, &limits).rounds(&config, &mut ChaCha8Rng::seed_from_u64(5));
+        assert_eq!(rounds.len(), 64);
+        let left = |batch: &Vec<Visit>, among: std::ops::Range<usize>| {
+            batch.iter().filter(|visit| among.contains(&visit.left)).count()
+        };
+        for batch in &rounds {
+            assert_eq!(batch.len(), left(batch, 1..51));
+            let early = left(batch, 1..21);
+            assert!(2 * early > batch.len() * 7 / 10 && early < batch.len() * 7 / 10, "{early}");
+        }
+    }
+
+    #[test]
+    fn a_short_training_has_fewer_batches_under_way() {
+        let rounds = |steps| DaggerConfig { steps, ..tiny() }.rounds();
+        assert_eq!([200, 12_000, 40_000, 72_000, 160_000].map(rounds), [8, 10, 35, 64, 64]);
     }
 
     #[test]

@@ -6,7 +6,8 @@ use imitation::evaluation::Report;
 use serde_json::{Map, Value, json};
 use std::path::Path;
 
-/// Puts reports into a card: each replaces that of the same policy, object and seed. What was said of other weights goes,
+/// Puts reports into a card: each replaces that of the same policy, object and seed, unless that one is of more attempts.
+/// What was said of other weights goes,
 /// and counts of another scene; the rest stays as it was.
 pub(crate) fn update(path: &Path, reports: &[Report]) -> Result<()> {
     let mut card: Map<String, Value> = match std::fs::read(path) {
@@ -28,7 +29,13 @@ pub(crate) fn update(path: &Path, reports: &[Report]) -> Result<()> {
             card.clear();
         }
         entries.retain(|other| same(other, &["model_hash", "scene_hash"]));
-        entries.retain(|other| !same(other, &["policy", "object", "object_hash", "seed"]));
+        let keys = ["policy", "object", "object_hash", "seed"];
+        let attempts = |entry: &Value| entry["attempts"].as_u64().unwrap_or_default();
+        let is_known = |other: &Value| same(other, &keys) && attempts(other) > attempts(&entry);
+        if entries.iter().any(is_known) {
+            continue;
+        }
+        entries.retain(|other| !same(other, &keys));
         entries.push(entry);
     }
     card.insert("evaluation".into(), json!(entries));
@@ -73,6 +80,10 @@ mod tests {
         assert_eq!((&found[2]["seed"], &found[2]["lifted"]), (&json!(1000), &json!(5)));
         assert_eq!((&found[1]["policy"], &found[1]["lifted"]), (&json!("policy"), &json!(7)));
         assert!(found[0].get("rows").is_none());
+        // Fewer attempts say less.
+        update(&path, &[Report { attempts: 5, ..report("policy", 1) }]).unwrap();
+        let same: Value = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
+        assert_eq!(same, card);
         let other = Report { model_hash: Some("new".into()), ..report("policy", 9) };
         update(&path, &[other]).unwrap();
         let card: Value = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();

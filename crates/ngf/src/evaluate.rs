@@ -3,6 +3,7 @@
 use crate::bar::Bar;
 use crate::card;
 use crate::objects::{ObjectOptions, Subject};
+use crate::train::at_least_one;
 use anyhow::{Context, Result, bail};
 use dataset::store;
 use geometry::catalog::{CATALOG, Entry, of_family};
@@ -27,7 +28,7 @@ pub(crate) struct Options {
     #[arg(conflicts_with_all = ["object", "mesh", "friction"])]
     family: Vec<String>,
     /// Attempts with each object.
-    #[arg(long, default_value_t = 100)]
+    #[arg(long, default_value_t = 100, value_parser = at_least_one)]
     attempts: usize,
     /// Seed of the first attempt.
     #[arg(long, default_value_t = 0)]
@@ -115,7 +116,9 @@ fn objects(options: &Options, mut workcell: &Workcell) -> Result<Vec<Subject>> {
         let families: Vec<&str> = families.into_iter().collect();
         bail!("there is no family {unknown}; there are {}", families.join(", "));
     }
-    let named = options.family.iter().flat_map(|family| of_family(family));
+    // A family that is named twice is counted once.
+    let asked: BTreeSet<&String> = options.family.iter().collect();
+    let named = asked.into_iter().flat_map(|family| of_family(family));
     named.map(|entry: &Entry| Subject::built_in(entry.name)).collect()
 }
 
@@ -166,7 +169,7 @@ fn print_sums(options: &Options, reports: &[Report]) {
         );
     };
     for label in labels {
-        for family in &options.family {
+        for family in options.family.iter().collect::<BTreeSet<_>>() {
             let is_in = |name: &str| of_family(family).any(|entry| entry.name == name);
             sum(label, family, &is_in);
         }

@@ -11,7 +11,8 @@ use imitation::free_rollout::fingertip_errors;
 use imitation::lesson::Lesson;
 use imitation::split;
 use robot::Tree;
-use std::path::PathBuf;
+use serde_json::Value;
+use std::path::{Path, PathBuf};
 
 /// What is examined.
 #[derive(clap::Args)]
@@ -35,7 +36,8 @@ pub(crate) fn run(options: &Options) -> Result<()> {
     let encoder = TrainedEncoder::of_model(&weights)?;
     let data = Dataset::open(&options.data)?;
     let observation = config.policy.observation;
-    let (taught, held_out) = split::lessons(&data, &encoder, observation, usize::MAX)?;
+    let (taught, held_out) =
+        split::lessons(&data, &encoder, observation, poses_taught(&options.model))?;
     println!("{:18} {:>18} {:>18}", "fingertips off, mm", "taught", "held out");
     let mut all = [Vec::new(), Vec::new()];
     for (object, name) in data.config.objects.iter().enumerate() {
@@ -58,6 +60,14 @@ pub(crate) fn run(options: &Options) -> Result<()> {
     }
     println!();
     Ok(())
+}
+
+/// Poses of each object that a model was taught, as is told beside it; all where nothing is told.
+fn poses_taught(model: &Path) -> usize {
+    let told = std::fs::read(model.join("dagger.json")).ok();
+    let told: Option<Value> = told.and_then(|bytes| serde_json::from_slice(&bytes).ok());
+    let poses = told.and_then(|told| told["poses"].as_u64());
+    poses.map_or(usize::MAX, |poses| poses as usize)
 }
 
 /// Median, 9 of 10, and how many there are.

@@ -2,7 +2,7 @@
 
 use crate::evaluate::{load, seeds};
 use crate::objects::{self, Heaviness, Subject};
-use crate::train::read_model;
+use crate::train::{at_least_one, read_model};
 use anyhow::{Context, Result, bail};
 use dataset::Dataset;
 use dataset::store;
@@ -30,7 +30,7 @@ pub(crate) struct Options {
     #[arg(default_values_t = ["sugar_box", "bleach", "mustard"].map(str::to_owned))]
     objects: Vec<String>,
     /// Attempts of each policy on each object.
-    #[arg(long, default_value_t = 300)]
+    #[arg(long, default_value_t = 300, value_parser = at_least_one)]
     attempts: usize,
     /// Seed of the first attempt, the same for all.
     #[arg(long, default_value_t = 0)]

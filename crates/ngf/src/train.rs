@@ -10,8 +10,8 @@ pub(crate) use exam::Spread;
 pub(crate) use policy::read_model;
 
 use crate::environment;
-use anyhow::Result;
-use std::path::PathBuf;
+use anyhow::{Result, bail};
+use std::path::{Path, PathBuf};
 
 /// What to train.
 #[derive(clap::Subcommand)]
@@ -46,14 +46,15 @@ pub(crate) struct Run {
     #[arg(long, value_parser = at_least_one)]
     batch: Option<usize>,
     /// Peak learning rate instead of the standard one.
-    #[arg(long)]
+    #[arg(long, value_parser = rate)]
     rate: Option<f32>,
     /// Steps from checkpoint to checkpoint instead of the standard number.
     #[arg(long, value_name = "STEPS", value_parser = at_least_one)]
     checkpoint: Option<usize>,
 }
 
-fn at_least_one(text: &str) -> Result<usize, String> {
+/// A number of things, which is not zero.
+pub(crate) fn at_least_one(text: &str) -> Result<usize, String> {
     match text.parse() {
         Ok(0) => Err("it must be at least 1".into()),
         Ok(number) => Ok(number),
@@ -67,6 +68,23 @@ fn share(text: &str) -> Result<f64, String> {
         Ok(_) => Err("it must be between 0 and 1".into()),
         Err(error) => Err(format!("{error}")),
     }
+}
+
+fn rate(text: &str) -> Result<f32, String> {
+    match text.parse() {
+        Ok(rate) if rate > 0.0 && rate < 1.0 => Ok(rate),
+        Ok(_) => Err("it must be between 0 and 1".into()),
+        Err(error) => Err(format!("{error}")),
+    }
+}
+
+/// Refuses to write where is read from: whoever is killed on the way could not go on.
+fn refuse_same(from: &Path, out: &Path) -> Result<()> {
+    let whole = |folder: &Path| folder.canonicalize().ok();
+    if whole(from).is_some() && whole(from) == whole(out) {
+        bail!("--out is the folder of --from, whose files would be lost; choose another one");
+    }
+    Ok(())
 }
 
 pub(crate) fn run(options: &Options) -> Result<()> {

@@ -104,7 +104,30 @@ fn killed_and_resumed_it_ends_in_the_same_weights() {
 
     // Neither of the two is of use to another training.
     let mut other = train("policy", &data, &killed);
-    let refused = other.args(["--rate", "0.001"]).output().unwrap();
-    let said = String::from_utf8_lossy(&refused.stderr).into_owned();
-    assert!(!refused.status.success() && said.contains("other settings (rate)"), "{said}");
+    assert!(refused(other.args(["--rate", "0.001"])).contains("other settings (rate)"));
+    // What lies beside the weights still tells of the training that made them.
+    let about = std::fs::read(killed.join("dagger.json")).unwrap();
+    let about: serde_json::Value = serde_json::from_slice(&about).unwrap();
+    assert_eq!((&about["rate"], &about["steps"]), (&5e-4.into(), &30.into()));
+    assert!(about["data"].is_string() && about["encoder"].is_string() && about["poses"].is_null());
+
+    // What makes no sense is refused before anything is done.
+    for (words, why) in [
+        (&["--rate", "-1"][..], "between 0 and 1"),
+        (&["--horizon", "60000"], "60000"),
+        (&["--policy", "mlp-pcd", "--potential-share", "0.5"], "is of a fabric's networks"),
+    ] {
+        let said = refused(train("policy", &data, &whole).args(words));
+        assert!(said.contains(why), "{said}");
+    }
+    let mut onto_itself = ngf(&["train", "policy", "--steps", "60"], &data, &whole);
+    let said = refused(onto_itself.arg("--from").arg(&whole));
+    assert!(said.contains("would be lost"), "{said}");
+}
+
+fn refused(command: &mut Command) -> String {
+    let output = command.output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(!output.status.success(), "it was done: {said}");
+    said
 }

@@ -23,10 +23,16 @@ impl Whitening {
 
     /// Reads `latent.mean`, `latent.axes` and `latent.scale`.
     pub fn load(tensors: &Tensors) -> Result<Self, WeightsError> {
+        let scale: Vec<f32> = tensors.get("latent.scale", &[LATENT])?;
+        // It divides.
+        if let Some(scale) = scale.iter().find(|scale| **scale <= 0.0) {
+            let (name, value) = ("latent.scale".to_owned(), scale.to_string());
+            return Err(WeightsError::Setting { name, value });
+        }
         Ok(Self {
             mean: tensors.get("latent.mean", &[LATENT])?,
             axes: tensors.get("latent.axes", &[LATENT, LATENT])?,
-            scale: tensors.get("latent.scale", &[LATENT])?,
+            scale,
         })
     }
 
@@ -78,5 +84,30 @@ mod tests {
         for (back, z) in whitening.undo(&white).iter().zip(&z) {
             assert!((back - z).abs() < 1e-5, "{back} against {z}");
         }
+    }
+
+    #[test]
+    fn an_axis_without_spread_is_refused() {
+        let mut whitening = Whitening::identity();
+        let loaded = |whitening: &Whitening| {
+            let tensors = whitening.tensors();
+            let bytes = tensors.each_ref().map(|(_, _, values)| -> Vec<u8> {
+                values.iter().flat_map(|x| x.to_le_bytes()).collect()
+            });
+            let views = tensors.iter().zip(&bytes).map(|((name, shape, _), bytes)| {
+                let view = safetensors::tensor::TensorView::new(
+                    safetensors::Dtype::F32,
+                    shape.clone(),
+                    bytes,
+                );
+                (*name, view.unwrap())
+            });
+            let file = safetensors::serialize(views, None).unwrap();
+            Whitening::load(&Tensors::parse(&file).unwrap())
+        };
+        assert!(loaded(&whitening).is_ok());
+        whitening.scale[3] = 0.0;
+        let error = loaded(&whitening).unwrap_err().to_string();
+        assert!(error.contains("latent.scale = 0"), "{error}");
     }
 }

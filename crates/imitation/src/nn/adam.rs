@@ -24,6 +24,8 @@ pub struct AdamW {
     pub second: Vec<f32>,
     /// Steps so far.
     pub steps: u64,
+    /// Those that each parameter took part in: its moments are as old as that.
+    pub taken: Vec<u64>,
     /// Decoupled weight decay.
     pub decay: f32,
 }
@@ -33,6 +35,8 @@ struct Part<'a> {
     var: Var,
     gradients: Vec<(f32, Tensor)>,
     moments: Mutex<(&'a mut [f32], &'a mut [f32])>,
+    /// Steps that it has taken with this one.
+    taken: u64,
 }
 
 /// The step of one parameter in place.
@@ -46,9 +50,11 @@ struct Update<'a, 'b> {
 }
 
 impl AdamW {
-    /// A fresh optimiser for `count` numbers.
-    pub fn new(count: usize, decay: f32) -> Self {
-        Self { first: vec![0.0; count], second: vec![0.0; count], steps: 0, decay }
+    /// A fresh optimiser of these parameters.
+    pub fn new(params: &Params, decay: f32) -> Self {
+        let moments = vec![0.0; params.count()];
+        let taken = vec![0; params.names().count()];
+        Self { first: moments.clone(), second: moments, steps: 0, taken, decay }
     }
 
     /// One step along `gradients`, clipped to norm `clip`, on `threads` threads. Gives the norm before clipping; if that is not finite,
@@ -61,7 +67,7 @@ impl AdamW {
         clip: f32,
         threads: usize,
     ) -> Result<f32> {
-        let mut parts = Vec::new();
+        let (mut indices, mut parts) = (Vec::new(), Vec::new());
         let (mut first, mut second) = (self.first.as_mut_slice(), self.second.as_mut_slice());
         for (i, var) in params.vars().enumerate() {
             let (m, rest) = first.split_at_mut(var.elem_count());
@@ -74,7 +80,9 @@ impl AdamW {
             // What took no part in the loss stays as it is.
             if !of_shards.is_empty() {
                 let moments = Mutex::new((m, v));
-                parts.push(Part { var: var.clone(), gradients: of_shards, moments });
+                let (var, taken) = (var.clone(), self.taken[i] + 1);
+                indices.push(i);
+                parts.push(Part { var, gradients: of_shards, moments, taken });
             }
         }
         let size = |part: &Part| part.var.elem_count();
@@ -84,8 +92,9 @@ impl AdamW {
             return Ok(norm);
         }
         self.steps += 1;
-        let count = self.steps.min(10_000) as i32;
+        indices.into_iter().for_each(|i| self.taken[i] += 1);
         over_threads(&parts, threads, size, |part| {
+            let count = part.taken.min(10_000) as i32;
             let update = Update {
                 part,
                 rate,
@@ -229,7 +238,7 @@ mod tests {
     #[test]
     fn it_finds_the_bottom_of_a_bowl() {
         let params = params(&[3.0, -2.0]);
-        let mut adam = AdamW::new(2, 0.0);
+        let mut adam = AdamW::new(&params, 0.0);
         for k in 0..2000 {
             let x = params.values().unwrap();
             let gradient = [2.0 * (x[0] - 1.0), 20.0 * (x[1] - 0.5)];
@@ -242,7 +251,7 @@ mod tests {
     #[test]
     fn the_first_step_has_the_size_of_the_rate() {
         let params = params(&[0.0]);
-        step(&mut AdamW::new(1, 0.0), &params, &[&[123.0]], 0.01, 1.0);
+        step(&mut AdamW::new(&params, 0.0), &params, &[&[123.0]], 0.01, 1.0);
         let x = params.values().unwrap();
         assert!((x[0] + 0.01).abs() < 1e-6, "{}", x[0]);
     }
@@ -255,7 +264,7 @@ mod tests {
         let mean: Vec<f32> =
             gradients[0].iter().zip(&gradients[1]).map(|(a, b)| 0.5 * (a + b)).collect();
         let (apart, together) = (params(&vec![1.0; count]), params(&vec![1.0; count]));
-        let (mut a, mut b) = (AdamW::new(count, 0.1), AdamW::new(count, 0.1));
+        let (mut a, mut b) = (AdamW::new(&apart, 0.1), AdamW::new(&together, 0.1));
         for _ in 0..3 {
             let norm = step(&mut a, &apart, &[&gradients[0], &gradients[1]], 0.01, 1.0);
             let wanted = step(&mut b, &together, &[&mean], 0.01, 1.0);
@@ -269,9 +278,25 @@ mod tests {
     #[test]
     fn a_gradient_that_is_not_finite_changes_nothing() {
         let params = params(&[0.5, 0.25]);
-        let mut adam = AdamW::new(2, 0.0);
+        let mut adam = AdamW::new(&params, 0.0);
         assert!(step(&mut adam, &params, &[&[f32::NAN, 1.0]], 0.01, 1.0).is_nan());
         assert_eq!(params.values().unwrap(), [0.5, 0.25]);
-        assert_eq!((adam.steps, adam.first), (0, vec![0.0; 2]));
+        assert_eq!((adam.steps, adam.taken, adam.first), (0, vec![0], vec![0.0; 2]));
+    }
+
+    #[test]
+    fn who_joins_late_takes_a_first_step_of_the_size_of_the_rate() {
+        let mut params = params(&[3.0]);
+        params.add("y", &[1], vec![2.0]).unwrap();
+        let mut adam = AdamW::new(&params, 0.0);
+        for takes_part in [false, false, false, true] {
+            let gradient = || Some(Tensor::from_slice(&[5.0f32], 1, &Device::Cpu).unwrap());
+            let of_params = vec![gradient(), takes_part.then(gradient).flatten()];
+            let shards = vec![(1.0, Gradient { loss: 0.0, of_params })];
+            adam.step(&params, &Gradients { shards }, 0.01, 1e9, 2).unwrap();
+        }
+        let x = params.values().unwrap();
+        assert!((x[0] - 2.96).abs() < 1e-5 && (x[1] - 1.99).abs() < 1e-5, "{x:?}");
+        assert_eq!((adam.steps, adam.taken), (4, vec![4, 1]));
     }
 }

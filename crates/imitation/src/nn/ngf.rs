@@ -15,7 +15,7 @@ use rand_chacha::ChaCha8Rng;
 use robot::{DOF, JointState, JointVector, Limits};
 use std::ops::Range;
 
-/// β_f of a fresh network.
+/// Bias of β_f in a fresh network, which then says one more: ELU + 1.
 const FIRST_DAMPING: f32 = 50.0;
 /// Layers of each network.
 const LAYERS: usize = 4;

@@ -19,7 +19,7 @@ use std::path::Path;
 /// Trains and examines it.
 pub(super) fn train(run: &Run) -> Result<()> {
     let mut config =
-        AutoencoderConfig { shards: run.threads, seed: run.seed, ..AutoencoderConfig::standard() };
+        AutoencoderConfig { threads: run.threads, seed: run.seed, ..AutoencoderConfig::standard() };
     config.steps = run.steps.unwrap_or(config.steps);
     config.batch = run.batch.unwrap_or(config.batch);
     config.rate = run.rate.unwrap_or(config.rate);
@@ -40,9 +40,10 @@ fn examine(out: &Path, names: &[String]) -> Result<()> {
     let mut report = serde_json::Map::new();
     let is_variant = |name: &&str| name.contains('.');
     let seen = names.iter().map(String::as_str).filter(|name| !is_variant(name));
+    let unseen = ["mustard"].into_iter().filter(|name| !names.iter().any(|seen| seen == name));
     // A mesh of somebody's is no longer at hand.
     let known = |name| Some((name, built_in_object(name).ok()?));
-    let objects: Vec<(&str, Object)> = seen.chain(["mustard"]).filter_map(known).collect();
+    let objects: Vec<(&str, Object)> = seen.chain(unseen).filter_map(known).collect();
     let picture = picture(&encoder, &robot, &objects, &mut ChaCha8Rng::seed_from_u64(1))?;
     store::write(&out.join("encoder.svg"), picture.as_bytes())?;
     for (name, object) in objects {

@@ -31,6 +31,10 @@ const ATTEMPTS: usize = 24;
 /// Their first seed: published counts begin at 0.
 const FIRST_SEED: u64 = 1 << 40;
 
+/// A policy whose fingertips end farther (m, median) from where they should on held-out poses is not tried in physics:
+/// it would lift nothing.
+const SOUND: f64 = 0.05;
+
 /// What was found.
 #[derive(serde::Serialize)]
 pub(super) struct Found {
@@ -94,9 +98,10 @@ impl Exam {
         let [_, (_, held_out)] = lessons;
         let held_out = spread(held_out);
         let greatest_damping = self.threads.install(|| greatest_damping(&network, &held_out));
+        let is_sound = fingertip_error_m.get("held_out").is_none_or(|off| off.median < SOUND);
         self.workcell.load_model(&files.weights, &files.starts, &files.config)?;
         let (mut attempts, mut lifted) = (0, 0);
-        for (i, (name, object)) in self.objects.iter().enumerate() {
+        for (i, (name, object)) in self.objects.iter().enumerate().filter(|_| is_sound) {
             // As even a share for each object as there is.
             let [first, end] = [i, i + 1].map(|k| k * ATTEMPTS / self.objects.len());
             let seeds = FIRST_SEED + first as u64..FIRST_SEED + end as u64;
@@ -118,8 +123,12 @@ fn spread(lessons: &[Lesson]) -> Vec<&Lesson> {
 
 impl fmt::Display for Found {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        let [low, high] = wilson95(self.lifted, self.attempts).map(|x| 100.0 * x);
-        write!(f, "  {} of {} lifted ({low:.0}..{high:.0} %)", self.lifted, self.attempts)?;
+        if self.attempts == 0 {
+            write!(f, "  not tried in physics")?;
+        } else {
+            let [low, high] = wilson95(self.lifted, self.attempts).map(|x| 100.0 * x);
+            write!(f, "  {} of {} lifted ({low:.0}..{high:.0} %)", self.lifted, self.attempts)?;
+        }
         for (label, Spread { median, p90 }) in &self.fingertip_error_m {
             let [mm, mm90] = [median, p90].map(|x| 1e3 * x);
             write!(f, "; {label}: fingertips off by {mm:.1} mm (median), {mm90:.1} mm (p90)")?;

@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 use std::fs::{File, OpenOptions};
 use std::io::Write;
 use std::path::Path;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// The log of a training.
 pub(super) struct Log {
@@ -17,9 +17,8 @@ pub(super) struct Log {
     loss: &'static str,
     /// States or clouds of a step.
     batch: usize,
-    began: Instant,
-    /// The first step that was reported.
-    first: Option<u64>,
+    /// The first step that was reported, and when.
+    first: Option<(u64, Instant)>,
 }
 
 impl Log {
@@ -34,26 +33,32 @@ impl Log {
         let path = out.join(format!("{name}.log.jsonl"));
         let file = OpenOptions::new().create(true).append(true).open(&path);
         let file = file.with_context(|| format!("cannot write {}", path.display()))?;
-        Ok(Self { file, name, loss, batch, began: Instant::now(), first: None })
+        Ok(Self { file, name, loss, batch, first: None })
     }
 
     /// How far it is, and how fast.
     fn report(&mut self, now: &Progress) -> Result<()> {
-        let first = *self.first.get_or_insert(now.step);
-        let rate = (now.step - first) as f64 / self.began.elapsed().as_secs_f64();
-        // There is none before the second report.
-        let left = (rate > 0.0).then(|| (now.steps - now.step) as f64 / rate);
-        let minutes = left.map_or(String::new(), |left| format!("  {:.0} min left", left / 60.0));
         let Progress { step, steps, loss, .. } = now;
-        println!(
-            "{} {step}/{steps}  {} {loss:.5}  {rate:.1} steps/s{minutes}",
-            self.name, self.loss
-        );
+        let (first, began) = *self.first.get_or_insert_with(|| (*step, Instant::now()));
+        // There is none before the second report.
+        let rate = (*step > first).then(|| (step - first) as f64 / began.elapsed().as_secs_f64());
+        let left = rate.map(|rate| (steps - step) as f64 / rate);
+        let pace = rate.zip(left).map_or(String::new(), |(rate, left)| {
+            format!("  {rate:.1} steps/s  {:.0} min left", left / 60.0)
+        });
+        println!("{} {step}/{steps}  {} {loss:.5}{pace}", self.name, self.loss);
         report::progress("training", "steps", now.step as usize, now.steps as usize);
         self.write(&json!({
             "step": step, "loss": loss, "gradient_norm": now.gradient,
-            "samples_per_s": rate * self.batch as f64, "seconds_left": left,
+            "samples_per_s": rate.map(|rate| rate * self.batch as f64), "seconds_left": left,
         }))
+    }
+
+    /// What took so long was no training: the pace is told without it.
+    pub(super) fn leave_out(&mut self, pause: Duration) {
+        if let Some((_, began)) = &mut self.first {
+            *began += pause;
+        }
     }
 
     /// A line of its own.

@@ -2,12 +2,12 @@
 
 use super::exam::Exam;
 use super::log::Log;
-use super::{Run, at_least_one, share};
+use super::{Run, at_least_one, refuse_same, share};
 use crate::report;
 use ::policy::PolicyConfig;
 use ::policy::model::ModelConfig;
 use ::policy::network::{NetworkConfig, POLICIES};
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 use dataset::Dataset;
 use dataset::store;
 use imitation::dagger::{self, DaggerConfig};
@@ -18,6 +18,7 @@ use imitation::watcher::{Progress, Watcher};
 use imitation::{lesson, split};
 use serde_json::json;
 use std::path::{Path, PathBuf};
+use std::time::Instant;
 
 /// What only the policy knows.
 #[derive(clap::Args)]
@@ -36,8 +37,8 @@ pub(crate) struct Options {
     #[arg(conflicts_with = "from")]
     policy: String,
     /// Steps of roll-outs instead of the standard number; 1 is behaviour cloning.
-    #[arg(long, value_name = "H", value_parser = at_least_one)]
-    horizon: Option<usize>,
+    #[arg(long, value_name = "H", value_parser = clap::value_parser!(u16).range(1..=10_000))]
+    horizon: Option<u16>,
     /// Share of the steps, the first ones, that train a fabric's potential alone, instead of the standard one; 0 trains
     /// all its networks from the beginning.
     #[arg(long, value_name = "SHARE", value_parser = share, conflicts_with = "from")]
@@ -50,18 +51,21 @@ pub(crate) struct Options {
 /// Trains it and writes the model.
 pub(super) fn train(options: &Options) -> Result<()> {
     let run = &options.run;
+    if let Some(from) = &options.from {
+        refuse_same(from, &run.out)?;
+    }
     let begin = options.from.as_deref().map(read_model).transpose()?;
     let policy = match &begin {
         Some((_, model)) => model.policy.clone(),
         None => PolicyConfig::named(&options.policy).context("its name")?,
     };
     let standard = DaggerConfig::standard(policy);
-    let mut config = DaggerConfig { shards: run.threads, seed: run.seed, ..standard };
+    let mut config = DaggerConfig { threads: run.threads, seed: run.seed, ..standard };
     config.steps = run.steps.unwrap_or(config.steps);
     config.batch = run.batch.unwrap_or(config.batch);
     config.rate = run.rate.unwrap_or(config.rate);
     config.span = run.checkpoint.map_or(config.span, |steps| steps as u64);
-    config.horizon = options.horizon.unwrap_or(config.horizon);
+    config.horizon = options.horizon.map_or(config.horizon, usize::from);
     config.potential_share = options.potential_share.unwrap_or(config.potential_share);
     if config.horizon == 1 {
         // Behaviour cloning knows the demonstrations' own states.
@@ -81,6 +85,10 @@ pub(super) fn train(options: &Options) -> Result<()> {
         (None, Some(model)) => TrainedEncoder::of_model(&read_model(model)?.0)?,
         (None, None) => TrainedEncoder::load(&run.out)?,
     };
+    let is_fabric = matches!(config.policy.network, NetworkConfig::Ngf(_));
+    if options.potential_share.is_some() && !is_fabric {
+        bail!("--potential-share is of a fabric's networks, and {} is none", options.policy);
+    }
     let poses = options.poses.unwrap_or(usize::MAX);
     let observation = config.policy.observation;
     let dataset = Dataset::open(&run.data)?;
@@ -93,7 +101,14 @@ pub(super) fn train(options: &Options) -> Result<()> {
     if let (NetworkConfig::Ngf(ngf), None) = (&mut config.policy.network, &begin) {
         ngf.rest = lesson::mean_configuration(&taught);
     }
-    store::write(&run.out.join("dagger.json"), &serde_json::to_vec_pretty(&config)?)?;
+    let hash = |weights: &Vec<u8>| blake3::hash(weights).to_hex().to_string();
+    let about = About {
+        config: DaggerConfig { rounds: config.rounds(), ..config.clone() },
+        data: dataset.hash()?,
+        encoder: encoder.hash()?,
+        poses: options.poses,
+        from: begin.as_ref().map(|(weights, _)| hash(weights)),
+    };
 
     let mut examiner = Examiner {
         config: &config,
@@ -101,12 +116,28 @@ pub(super) fn train(options: &Options) -> Result<()> {
         lessons: [("taught", &taught), ("held_out", &held_out)],
         exam: Exam::new(&dataset.config.objects, run.threads)?,
         log: Log::open(&run.out, "policy", "loss (rad/s²)", config.batch)?,
+        about: serde_json::to_vec_pretty(&about)?,
         out: &run.out,
     };
     let begin = begin.as_ref().map(|(weights, _)| weights.as_slice());
     let tree = examiner.exam.tree().clone();
     let params = dagger::train(&taught, &tree, &config, begin, &run.out, &mut examiner)?;
     write_model(&run.out, &encoder, &params, &config, &taught)
+}
+
+/// What a policy was made of.
+#[derive(serde::Serialize)]
+struct About {
+    #[serde(flatten)]
+    config: DaggerConfig,
+    /// Hash of the dataset.
+    data: String,
+    /// Hash of the encoder's weights.
+    encoder: String,
+    /// Poses of each object that it learned from, if not all.
+    poses: Option<usize>,
+    /// Hash of the weights that it began with, if not anew.
+    from: Option<String>,
 }
 
 /// Looks on while a policy learns, and examines it now and then.
@@ -116,6 +147,8 @@ struct Examiner<'a> {
     lessons: [(&'static str, &'a [Lesson]); 2],
     exam: Exam,
     log: Log,
+    /// How it is trained, and on what.
+    about: Vec<u8>,
     out: &'a Path,
 }
 
@@ -125,19 +158,29 @@ const EXAMINATION: u64 = 10_000;
 impl Watcher for Examiner<'_> {
     fn progress(&mut self, now: &Progress) -> Result<bool> {
         self.log.progress(now)?;
-        let is_examined = now.step.is_multiple_of(EXAMINATION);
-        if is_examined || now.step.is_multiple_of(self.config.span) {
+        let is_last = now.step == now.steps;
+        // One that was trained for a moment is not worth it.
+        let is_examined =
+            now.step.is_multiple_of(EXAMINATION) || is_last && now.steps > EXAMINATION;
+        let is_offered = is_examined || now.step.is_multiple_of(self.config.span);
+        if is_offered || is_last {
             let [(_, taught), _] = self.lessons;
             let files = model_files(self.encoder, now.params, self.config, taught)?;
             if is_examined {
+                let began = Instant::now();
                 let found = self.exam.take(&self.config.policy, &files, self.lessons)?;
+                self.log.leave_out(began.elapsed());
                 println!("{found}");
                 self.log.write(&json!({ "step": now.step, "exam": found }))?;
                 report::say(&format!("step {}: {found}", now.step));
             }
             write_files(self.out, &files)?;
-            let write = |folder: &Path| write_files(folder, &files);
-            report::checkpoint(self.out, now.step, write)?;
+            // Beside the weights that it made; other ones may have been here before.
+            store::write(&self.out.join("dagger.json"), &self.about)?;
+            if is_offered {
+                let write = |folder: &Path| write_files(folder, &files);
+                report::checkpoint(self.out, now.step, write)?;
+            }
         }
         Ok(true)
     }

@@ -1,8 +1,8 @@
 //! A start model in place of the table of starts of a model.
 
-use super::Run;
 use super::log::Log;
 use super::policy::read_file;
+use super::{Run, refuse_same};
 use anyhow::{Context, Result};
 use dataset::Dataset;
 use dataset::generate::built_in_object;
@@ -28,6 +28,7 @@ pub(crate) struct Options {
 /// Trains it and writes the model.
 pub(super) fn train(options: &Options) -> Result<()> {
     let run = &options.run;
+    refuse_same(&options.from, &run.out)?;
     let standard = StartConfig::standard();
     let config = StartConfig {
         steps: run.steps.unwrap_or(standard.steps),
@@ -57,7 +58,8 @@ pub(super) fn train(options: &Options) -> Result<()> {
     let [taught, held_out] = queries(&dataset, &encoder, observation, &table, &robot, known)?;
     println!("{} queries to learn from; {} held out", taught.len(), held_out.len());
     let mut log = Log::open(&run.out, "start", "loss (rad)", config.batch)?;
-    let params = start::train(&taught, &robot.tree, &config, &run.out, &mut log)?;
+    let trained = start::train(&taught, &robot.tree, &config, &run.out, &mut log)?;
+    let params = trained.context("it was stopped on the way")?;
     let bytes = params.export(&[])?;
     let starts = load(&bytes).context("what was trained")?;
     for (label, queries) in [("taught", &taught), ("held out", &held_out)] {

@@ -99,8 +99,8 @@ fn written(x: f32) -> f64 {
 impl EncoderParams {
     pub(super) fn resolved(self) -> Result<Self, Invalid> {
         let standard = AutoencoderConfig::preset(&self.course.preset).ok_or_else(no_preset)?;
-        let AutoencoderConfig { steps, batch, rate, span, shards, .. } = standard;
-        let course = self.course.resolved(steps, batch, rate, span, shards)?;
+        let AutoencoderConfig { steps, batch, rate, span, threads, .. } = standard;
+        let course = self.course.resolved(steps, batch, rate, span, threads)?;
         Ok(Self { course, ..self })
     }
 }
@@ -112,8 +112,8 @@ impl PolicyParams {
         };
         let standard = DaggerConfig::preset(&self.course.preset, policy).ok_or_else(no_preset)?;
         let horizon = at_most("horizon", self.horizon.unwrap_or(standard.horizon), 1, 1000)?;
-        let DaggerConfig { steps, batch, rate, span, shards, .. } = standard;
-        let course = self.course.resolved(steps, batch, rate, span, shards)?;
+        let DaggerConfig { steps, batch, rate, span, threads, .. } = standard;
+        let course = self.course.resolved(steps, batch, rate, span, threads)?;
         Ok(Self { course, horizon: Some(horizon), ..self })
     }
 }
@@ -126,13 +126,13 @@ impl Course {
         batch: usize,
         rate: f32,
         span: u64,
-        shards: usize,
+        threads: usize,
     ) -> Result<Self, Invalid> {
         let steps = self.steps.unwrap_or(steps);
         let batch = self.batch.unwrap_or(batch);
         let rate = self.rate.unwrap_or(written(rate));
         let checkpoint = self.checkpoint.unwrap_or(span);
-        let threads = if self.threads == 0 { shards } else { self.threads };
+        let threads = if self.threads == 0 { threads } else { self.threads };
         if !(rate.is_finite() && rate > 0.0 && rate < 1.0) {
             return Err(invalid("rate", "it must be a positive number below 1"));
         }
