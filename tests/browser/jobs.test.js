@@ -90,10 +90,15 @@ test("a training is watched, stopped, gone on with, compared, and tried in the d
   assert.equal(await acts(), 'Policy "default" acts.');
   assert.ok(await demo.isHidden("#training"));
   await demo.close();
-  await page.click("button:has-text('Pause')");
+  // By keyboard one goes on from where one was, though the buttons are others.
+  const focused = (words) => page.waitForFunction((words) => document.activeElement.textContent === words, words);
+  await page.focus("button:has-text('Pause')");
+  await page.keyboard.press("Enter");
   await stands(page, "paused");
-  await page.click("button:has-text('Resume')");
+  await focused("Resume");
+  await page.keyboard.press("Enter");
   await stands(page, "running");
+  await focused("Pause");
   await page.click("button:has-text('Stop')");
   await stands(page, "cancelled");
 
@@ -161,6 +166,12 @@ test("an evaluation shows its table, and the model knows of it", async () => {
   const params = { model_id: "default", object: "sugar_box", attempts: 2 };
   const { id } = await jobs.made("policy.evaluate", params, "Two attempts");
   const { page, complaints } = await jobs.visit(`#jobs/${id}`);
+  await page.waitForSelector("td:has-text('of 2')");
+  // Whoever follows a row by keyboard goes on with the job, not with the rows after it.
+  await page.goto(`${jobs.served.address}/jobs/#jobs`);
+  await page.focus("#list a:has-text('Two attempts')");
+  await page.keyboard.press("Enter");
+  await page.waitForFunction(() => document.activeElement.id === "detail");
   await page.waitForSelector("td:has-text('of 2')");
   await page.click("a:has-text('default')");
   await page.waitForSelector("td:has-text('of 2')");

@@ -241,6 +241,24 @@ test("what would fall over lies as it looks most like what the policy learned", 
   // Somebody may think otherwise, and has the last word.
   await page.selectOption("#sides", "0");
   await page.waitForFunction((laid) => document.getElementById("report-size").textContent !== laid, laid);
+  // A second policy has the attempt that was asked for while it was read, too, with the object as it lies.
+  await page.focus("#compare");
+  await page.waitForSelector("#compare [value=default]", { state: "attached" });
+  await page.selectOption("#compare", "default");
+  await page.waitForFunction(() => document.getElementById("who-2").textContent === "default");
+  await page.selectOption("#speed", "4");
+  await page.evaluate(async (text) => {
+    const input = document.getElementById("file");
+    const files = new DataTransfer();
+    // Long enough to be still on its way.
+    files.items.add(new File([text, "# and so on\n".repeat(1e6)], "tilted.obj"));
+    input.files = files.files;
+    input.dispatchEvent(new Event("change"));
+    await new Promise((resolve) => setTimeout(resolve, 1));
+    document.getElementById("grasp").click();
+  }, TILTED);
+  await page.waitForFunction(() => ["who-1", "who-2"].every((who) => /^default: [A-Z]/.test(document.getElementById(who).textContent)));
+  assert.equal(await page.textContent("#who-1"), await page.textContent("#who-2"));
   assert.deepEqual(complaints, []);
   await page.close();
 });

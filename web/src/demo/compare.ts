@@ -36,6 +36,8 @@ export class Comparison {
   // Whether the second policy is there, and the attempt that waits for it: begun before, it would be the planner's.
   #isReady = false;
   #grasp: ToWorker | null = null;
+  // The attempt that was asked for last, if nothing has ended it since.
+  #attempt: ToWorker | null = null;
 
   constructor(events: ComparisonEvents) {
     this.#events = events;
@@ -61,10 +63,17 @@ export class Comparison {
     if (ALONE.has(message.kind) || !this.#engine) return;
     // A row that began without it stays so: its attempts would be the planner's.
     if (message.kind === "batch" && !this.#isReady) return;
-    if (ENDS.has(message.kind)) this.#grasp = null;
+    if (ENDS.has(message.kind)) [this.#grasp, this.#attempt] = [null, message.kind === "grasp" ? message : null];
     if (message.kind === "grasp" && !this.#isReady) this.#grasp = message;
     else this.#engine.send(message);
     if (ENDS.has(message.kind)) this.#showNames();
+  }
+
+  // How the object lies, of which the first worker has judged; what was asked for since it was brought is of that.
+  lay(object: ToWorker): void {
+    const attempt = this.#attempt;
+    this.send(object);
+    if (attempt) this.send(attempt);
   }
 
   // The first one is begun anew, and stands as it did.
@@ -95,7 +104,7 @@ export class Comparison {
   #start(id: string): void {
     if (this.#engine) this.#events.over(null);
     this.#engine?.stop();
-    [this.#engine, this.#isReady, this.#grasp] = [null, false, null];
+    [this.#engine, this.#isReady, this.#grasp, this.#attempt] = [null, false, null, null];
     document.body.classList.toggle("is-compared", id !== "");
     this.#showNames();
     if (id === "") return;

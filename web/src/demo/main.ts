@@ -212,7 +212,7 @@ function receive(message: FromWorker): void {
       }
       objectHash = message.hash;
       // The second worker was not asked how it lies.
-      if (situation.because === "laid") comparison.send(situation.object()!);
+      if (situation.because === "laid") comparison.lay(situation.object()!);
       share.hasObject(message);
       arrival?.showObject(message);
       break;

@@ -35,6 +35,8 @@ export class Detail implements View {
   #checkpoints: Checkpoints | null = null;
   #log: Log | null = null;
   #seen = "";
+  // Whether a button was pressed that its job's next status takes away: whoever pressed it goes on from the next one.
+  #hasActed = false;
   // The job, or what came of it, could not be had.
   #isRefused = false;
   #isMadeRefused = false;
@@ -130,13 +132,19 @@ export class Detail implements View {
     if (this.#seen === job.status) return;
     this.#seen = job.status;
     this.#buttons.replaceChildren(...this.#actions(job));
+    const isLost = document.activeElement === null || document.activeElement === document.body;
+    if (this.#hasActed && isLost) this.#buttons.querySelector("button")?.focus();
+    this.#hasActed = false;
     this.#error.replaceChildren(...(job.error ? [failed(job.id, job.error)] : []));
     void this.#showMade();
   }
 
   #actions(job: Job): HTMLElement[] {
     const verb = (name: string, label: string) =>
-      button(label, () => this.#do(async () => this.#feed.put(await ask<Job>(`jobs/${job.id}/${name}`, "POST"))));
+      button(label, () => {
+        this.#hasActed = true;
+        return this.#do(async () => this.#feed.put(await ask<Job>(`jobs/${job.id}/${name}`, "POST")));
+      });
     const has = (...statuses: string[]) => statuses.includes(job.status);
     return [
       ...(has("running", "queued") ? [verb("pause", JOB.pause)] : []),

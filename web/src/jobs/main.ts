@@ -79,7 +79,12 @@ function absenceOf(error: unknown): Refused | null {
   return status === 0 ? error : null;
 }
 
-addEventListener("hashchange", show);
+addEventListener("hashchange", () => {
+  // Whoever follows a row of the list by keyboard goes on with what it leads to, not with the rows after it.
+  const isFollowed = document.activeElement?.matches("#rail a") ?? false;
+  show();
+  if (isFollowed) detail.focus({ preventScroll: true });
+});
 
 try {
   await feed.more();
