@@ -46,7 +46,7 @@ pub(crate) struct Run {
     #[arg(long, value_parser = at_least_one)]
     batch: Option<usize>,
     /// Peak learning rate instead of the standard one.
-    #[arg(long, value_parser = rate)]
+    #[arg(long, value_parser = rate, allow_negative_numbers = true)]
     rate: Option<f32>,
     /// Steps from checkpoint to checkpoint instead of the standard number.
     #[arg(long, value_name = "STEPS", value_parser = at_least_one)]
