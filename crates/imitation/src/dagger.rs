@@ -120,7 +120,8 @@ impl DaggerConfig {
         }
     }
 
-    /// Batches of states under way: fewer in a short training, so that roll-outs of full length end [`ENDINGS`] times.
+    /// Batches of states under way: fewer in a short training, so that roll-outs of full length end
+    /// five times, one after another.
     pub fn rounds(&self) -> usize {
         let at_full_length = self.steps as f64 * (1.0 - self.growth[1]);
         let most = at_full_length / (ENDINGS * self.horizon.max(1)) as f64;
