@@ -30,7 +30,7 @@ pub struct DaggerConfig {
     pub potential_share: f64,
     /// States a step.
     pub batch: usize,
-    /// Batches of states under way at most: each step takes the next one of them. With few, the states of a step would be
+    /// Batches of states under way: each step takes the next one of them. With few, the states of a step would be
     /// those of some steps before, 33 ms later, and the weights would follow the few lessons that are under way.
     pub rounds: usize,
     /// Threads.
@@ -119,21 +119,7 @@ impl DaggerConfig {
             ((step as f64 - begin) / (end - begin)).clamp(0.0, 1.0)
         }
     }
-
-    /// Batches of states under way: fewer in a short training, so that roll-outs of full length end
-    /// five times, one after another.
-    pub fn rounds(&self) -> usize {
-        let at_full_length = self.steps as f64 * (1.0 - self.growth[1]);
-        let most = at_full_length / (ENDINGS * self.horizon.max(1)) as f64;
-        (most as usize).clamp(LEAST_ROUNDS, self.rounds.max(LEAST_ROUNDS))
-    }
 }
-
-/// How often roll-outs of full length end in a training, one after another.
-const ENDINGS: usize = 5;
-
-/// Batches of states under way at least.
-const LEAST_ROUNDS: usize = 8;
 
 /// Trains a policy, a fresh one or that of the weights `begin`; continues from a checkpoint in
 /// `out`.

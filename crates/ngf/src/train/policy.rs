@@ -103,7 +103,7 @@ pub(super) fn train(options: &Options) -> Result<()> {
     }
     let hash = |weights: &Vec<u8>| blake3::hash(weights).to_hex().to_string();
     let about = About {
-        config: DaggerConfig { rounds: config.rounds(), ..config.clone() },
+        config: config.clone(),
         data: dataset.hash()?,
         encoder: encoder.hash()?,
         poses: options.poses,
