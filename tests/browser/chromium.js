@@ -116,6 +116,18 @@ export async function untilReady(page) {
   await page.waitForSelector("#grasp:enabled");
 }
 
+// The simulation stops and is restarted.
+export async function restart(page) {
+  await page.workers()[0].evaluate(() => {
+    setTimeout(() => {
+      throw new Error("stopped by a test");
+    });
+  });
+  await page.click('[data-code="engine_stopped"] .again');
+  await page.waitForSelector('[data-code="engine_stopped"]', { state: "detached" });
+  await untilReady(page);
+}
+
 // The attempt of a seed, as fast as it goes: what it came to, the hash of its final state, and the count.
 export async function grasp(page, seed) {
   await page.fill("#seed", String(seed));

@@ -6,7 +6,7 @@ import { mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
-import { barriers, blank, grasp, open, program, root, screenshot, untilReady, visit } from "./chromium.js";
+import { barriers, blank, grasp, open, program, restart, root, screenshot, untilReady, visit } from "./chromium.js";
 import { BOX } from "./meshes.js";
 
 let served;
@@ -94,14 +94,7 @@ test("another policy is chosen, and the page comes back with it", async () => {
   await page.waitForFunction(() => document.getElementById("policy").value === "mlp-pcd");
   assert.ok(await page.isEnabled("#copy-link"));
   // Another worker is told of the one that acts, not of the one that did not come.
-  await page.workers()[0].evaluate(() => {
-    setTimeout(() => {
-      throw new Error("stopped by a test");
-    });
-  });
-  await page.click('[data-code="engine_stopped"] .again');
-  await page.waitForSelector('[data-code="engine_stopped"]', { state: "detached" });
-  await untilReady(page);
+  await restart(page);
   await acts("mlp-pcd");
   await page.selectOption("#policy", "default");
   await acts("default");

@@ -2,7 +2,7 @@
 
 import assert from "node:assert/strict";
 import { after, before, test } from "node:test";
-import { blank, open, PATIENCE, untilReady, visit } from "./chromium.js";
+import { blank, open, PATIENCE, restart, untilReady, visit } from "./chromium.js";
 import { BOX } from "./meshes.js";
 
 let served;
@@ -44,18 +44,6 @@ test("weights that never come are given up, and the planner acts", async () => {
   assert.match(await page.textContent('[data-code="model_not_fetched"]'), /nothing has come for 20 s/);
   await graspsAllTheSame(page);
 });
-
-// The simulation stops and is restarted.
-async function restart(page) {
-  await page.workers()[0].evaluate(() => {
-    setTimeout(() => {
-      throw new Error("stopped by a test");
-    });
-  });
-  await page.click('[data-code="engine_stopped"] .again');
-  await page.waitForSelector('[data-code="engine_stopped"]', { state: "detached" });
-  await untilReady(page);
-}
 
 test("what stands on the table is what was read: a search and a restart are about that", async () => {
   const { page } = await visit(served);

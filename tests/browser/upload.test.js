@@ -35,6 +35,15 @@ async function untilKept(page, name, holds) {
   assert.fail(`the store does not say of ${name} what it should`);
 }
 
+// The box, and that it weighs more than was guessed.
+async function bringOf250Grams(page) {
+  await page.setInputFiles("#file", file("box.obj", BOX));
+  await page.waitForFunction(() => document.getElementById("report-mass").textContent === "173 g");
+  await page.fill("#mass", "250");
+  await page.press("#mass", "Tab");
+  await page.waitForFunction(() => document.getElementById("report-mass").textContent === "250 g");
+}
+
 test("a mesh is read, measured, and its unit set right", async () => {
   const { page } = await visit(served);
   await untilReady(page);
@@ -408,11 +417,7 @@ test("a file that cannot be read leaves the one of its name, and one that can ta
 test("what was said of a mesh holds on the next visit", async () => {
   const { page, complaints } = await visit(served);
   await untilReady(page);
-  await page.setInputFiles("#file", file("box.obj", BOX));
-  await page.waitForFunction(() => document.getElementById("report-mass").textContent === "173 g");
-  await page.fill("#mass", "250");
-  await page.press("#mass", "Tab");
-  await page.waitForFunction(() => document.getElementById("report-mass").textContent === "250 g");
+  await bringOf250Grams(page);
   await page.selectOption("#sides", "0");
   await page.waitForFunction(() => document.getElementById("report-size").textContent.endsWith("× 4.0 cm"));
   await untilKept(page, "box.obj", (kept) => kept?.told?.stands?.on === 0);
@@ -428,11 +433,7 @@ test("what was said of a mesh holds on the next visit", async () => {
 test("a link about another file leaves what was said of one's own", async () => {
   const { page, complaints } = await visit(served);
   await untilReady(page);
-  await page.setInputFiles("#file", file("box.obj", BOX));
-  await page.waitForFunction(() => document.getElementById("report-mass").textContent === "173 g");
-  await page.fill("#mass", "250");
-  await page.press("#mass", "Tab");
-  await page.waitForFunction(() => document.getElementById("report-mass").textContent === "250 g");
+  await bringOf250Grams(page);
   await untilKept(page, "box.obj", (kept) => kept?.told?.massKg === 0.25);
   const link = (unit) => `#v=1&o=other.stl&oh=0&u=${unit}&kg=0.7&p=0.6,0,0&s=0&m=default&sc=0&h=0`;
   await page.goto("about:blank");

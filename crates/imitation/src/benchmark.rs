@@ -25,7 +25,8 @@ use std::time::Instant;
 /// Steps that are measured after as many that are not.
 const STEPS: usize = 8;
 
-/// Names and milliseconds: a step of the NGF, that time if its products were all and threads shared them evenly, a step of the encoder.
+/// Names and milliseconds: a step of the NGF, what it would take if it were products alone, shared evenly by the threads,
+/// a step of the encoder.
 pub fn rows() -> Result<Vec<(&'static str, f64)>> {
     let policy = PolicyConfig::named("ngf-pcd").context("the policy of the paper")?;
     let config = DaggerConfig::standard(policy);

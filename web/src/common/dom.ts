@@ -65,8 +65,8 @@ export function button(label: string, act: () => unknown, attributes: Attributes
   return made;
 }
 
-// Copies a text, that of an element unless another is given, and gives whether that was possible: a page that came over plain http from another
-// machine has no clipboard. What is shown is selected then, so that whoever wants it copies it.
+// Copies a text, that of an element unless another is given, and gives whether that was possible: a page that came over
+// plain http from another machine has no clipboard. What is shown is selected then, so that whoever wants it copies it.
 export async function copied(shown: HTMLElement, text = shown.textContent ?? ""): Promise<boolean> {
   try {
     await navigator.clipboard.writeText(text);
