@@ -11,6 +11,10 @@ export class Rail {
   readonly #rows = new Map<string, Row>();
   readonly #list = element("list", HTMLUListElement);
   readonly #end = element("list-end", HTMLElement);
+  readonly #sight = new IntersectionObserver((entries) => {
+    const isSeen = entries.some((entry) => entry.isIntersecting);
+    if (isSeen && this.#rows.size > 0) void this.#more();
+  });
   readonly #compare: (ids: string[]) => void;
   readonly #marked = new Set<string>();
   #chosen: string | null = null;
@@ -31,10 +35,7 @@ export class Rail {
     };
     status.addEventListener("change", filter);
     kind.addEventListener("change", filter);
-    new IntersectionObserver((entries) => {
-      const isSeen = entries.some((entry) => entry.isIntersecting);
-      if (isSeen && this.#rows.size > 0) void this.#more();
-    }).observe(this.#end);
+    this.#sight.observe(this.#end);
   }
 
   // Says at the end of the list why it does not go on, until that is tried again.
@@ -67,6 +68,7 @@ export class Rail {
   }
 
   #update(changed: Set<string>): void {
+    const before = this.#rows.size;
     for (const id of changed) {
       const known = this.#feed.jobs.get(id);
       if (!known) this.#marked.delete(id);
@@ -85,7 +87,14 @@ export class Rail {
         this.#rows.delete(id);
       }
     }
+    if (this.#rows.size > before) this.#lookAgain();
     this.#tellEnd();
+  }
+
+  // What is still in sight, or again before a picture was drawn, does not come into sight.
+  #lookAgain(): void {
+    this.#sight.unobserve(this.#end);
+    this.#sight.observe(this.#end);
   }
 
   #tellEnd(): void {
