@@ -1,4 +1,4 @@
-// Puts the default model and the paper's baseline beside the page, for hosts that serve files and nothing else;
+// Puts the models beside the page, for hosts that serve files and nothing else;
 // `ngf serve` has its own.
 
 import { copyFile, mkdir, readFile, stat, writeFile } from "node:fs/promises";
@@ -6,7 +6,7 @@ import { join } from "node:path";
 import { fileURLToPath } from "node:url";
 import type { Plugin } from "vite";
 
-const IDS = ["default", "mlp-pcd"];
+const IDS = ["default", "paper", "mlp-pcd"];
 const FILES = { weights: "weights.safetensors", starts: "starts.safetensors", config: "config.json" };
 
 export function models(): Plugin {

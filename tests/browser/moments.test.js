@@ -87,9 +87,9 @@ test("another policy is chosen, and the page comes back with it", async () => {
   // One that is gone since the list was made: the one before still acts, and there is a link to what it did.
   await grasp(page, 0);
   await page.focus("#policy");
-  await page.waitForSelector("#policy [value=families]", { state: "attached" });
-  await page.route("**/families/**", (route) => route.fulfill({ status: 404 }));
-  await page.selectOption("#policy", "families");
+  await page.waitForSelector("#policy [value=paper]", { state: "attached" });
+  await page.route("**/models/paper/**", (route) => route.fulfill({ status: 404 }));
+  await page.selectOption("#policy", "paper");
   await page.waitForSelector(".failures [data-code]");
   await page.waitForFunction(() => document.getElementById("policy").value === "mlp-pcd");
   assert.ok(await page.isEnabled("#copy-link"));
@@ -100,7 +100,7 @@ test("another policy is chosen, and the page comes back with it", async () => {
   await acts("default");
   assert.equal(new URL(page.url()).search, "");
   // What is gone shows in the console.
-  assert.ok(complaints.every((complaint) => /404|families|stopped by a test/.test(complaint)), complaints.join());
+  assert.ok(complaints.every((complaint) => /404|paper|stopped by a test/.test(complaint)), complaints.join());
   await page.close();
 });
 

@@ -1,13 +1,13 @@
 //! How like what the model learned from an object looks, in words.
 //!
-//! What the encoder is off by decides, and the nearest encoding only names an object: the duck, which models/default never
+//! What the encoder is off by decides, and the nearest encoding only names an object: the duck, which models/paper never
 //! lifts, is nearer to what that learned (4.8, the median of seeds 0 to 11, counted once) than the cracker box is (5.7),
 //! of which it lifts a third.
 
 use crate::upload::label;
 use rollout::Likeness;
 
-/// What the encoder makes of an object that it learned from is off by less (m): with models/families and models/default
+/// What the encoder makes of an object that it learned from is off by less (m): with models/default and models/paper
 /// by 3.4 to 5.8 mm, medians of four looks at each (`ngf evaluate` says it).
 const LIKE: f32 = 0.006;
 /// Objects that it does not tell from others are off by more (m): the duck, the toy car and the hammer by 7.9 to 30 mm.

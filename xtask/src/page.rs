@@ -16,10 +16,9 @@ pub(crate) fn build(place: &Place) -> Result<()> {
     let bindings = Step { name: "bindings", inputs: vec![wasm.clone()], output: engine.clone() };
     bindings.run(place, || bind(&wasm, &engine))?;
     tools::npm_packages(place, "packages", &place.web())?;
-    let models = place.root.join("models");
     let page = Step {
         name: "page",
-        inputs: vec![place.web(), models.join("default"), models.join("mlp-pcd")],
+        inputs: vec![place.web(), place.root.join("models")],
         output: place.web().join("dist/index.html"),
     };
     page.run(place, || run(&mut place.npm(&place.web(), &["run", "--silent", "build"])))

@@ -52,7 +52,7 @@ pub struct DatasetConfig {
 pub const PRESETS: [(&str, &str); 5] = [
     ("smoke", "less than a minute: the whole way at toy size"),
     ("small", "minutes: two objects, 24 poses each, 32 demonstrations of each"),
-    ("variants", "made models/default: 220 poses each of a box in 2 proportions and a bottle in 8"),
+    ("variants", "made models/paper: 220 poses each of a box in 2 proportions and a bottle in 8"),
     ("paper", "the paper's size: K = 192 object poses, M = 256 demonstrations of each"),
     (
         "families",
