@@ -97,12 +97,50 @@ def frequencies(blocks, seed):
     return torch.tensor(rows).reshape(-1, FREQUENCIES)
 
 
+ROBOT = xml.etree.ElementTree.parse(HERE / "../../assets/robot/iiwa7_allegro.urdf")
+MOVING = [joint for joint in ROBOT.iter("joint") if joint.get("type") == "revolute"]
+
+
 def limits():
     """Lower and upper limits of the 23 joints."""
-    robot = xml.etree.ElementTree.parse(HERE / "../../assets/robot/iiwa7_allegro.urdf")
-    found = [j.find("limit") for j in robot.iter("joint") if j.get("type") == "revolute"]
-    bound = lambda which: torch.tensor([float(limit.get(which)) for limit in found])
+    bound = lambda which: torch.tensor([float(j.find("limit").get(which)) for j in MOVING])
     return bound("lower"), bound("upper")
+
+
+def turn(axis, angle):
+    """The rotation about a unit axis."""
+    x, y, z = axis
+    cross = torch.tensor([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return torch.eye(3) + angle.sin() * cross + (1 - angle.cos()) * cross @ cross
+
+
+def tips(q):
+    """Places of the fingertips at one configuration, from the URDF: index, middle, ring, thumb."""
+    child = {joint.find("child").get("link"): joint for joint in ROBOT.iter("joint")}
+    numbers = lambda text: [float(x) for x in text.split()]
+
+    def place(link, at):
+        while (joint := child.get(link)) is not None:
+            if joint in MOVING:
+                at = turn(numbers(joint.find("axis").get("xyz")), q[MOVING.index(joint)]) @ at
+            origin = joint.find("origin")
+            for axis, angle in zip(torch.eye(3).tolist(), numbers(origin.get("rpy", "0 0 0"))):
+                at = turn(axis, torch.tensor(angle)) @ at
+            at = at + torch.tensor(numbers(origin.get("xyz", "0 0 0")))
+            link = joint.find("parent").get("link")
+        return at
+
+    names = ("index_tip", "middle_tip", "ring_tip", "thumb_tip")
+    return torch.cat([place(name, torch.zeros(3)) for name in names])
+
+
+def imitation(qdd, q, qd, target, settings):
+    """Eq. 2 with the expert of Eq. 1, in the joints and, by the Jacobian, at the fingertips."""
+    expert = settings["position"] * (target - q) - settings["velocity"] * qd
+    off = qdd - expert
+    levers = torch.stack([torch.autograd.functional.jacobian(tips, row) for row in q])
+    at_tips = settings["tip_weight"] * (levers @ off[..., None])[..., 0]
+    return torch.sqrt((off**2).sum(-1) + (at_tips**2).sum(-1) + 1e-6).mean()
 
 
 def positive(x):
@@ -120,7 +158,7 @@ def metric(entries):
 
 
 def ngf(params, config, q, qd, z):
-    """Eq. 3 to 5: q'' of a batch, with psi and its gradient."""
+    """Eq. 3 to 5: q'' of a batch, with psi, its gradient and the entries of both metrics' U."""
     lower, upper = limits()
     q = q.detach().requires_grad_()
     scaled = (2 * q - upper - lower) / (upper - lower)
@@ -136,9 +174,9 @@ def ngf(params, config, q, qd, z):
         features = torch.cat([phases.cos(), phases.sin()], -1)
         return mlp(params, name, features, torch.nn.functional.elu)
 
-    metric_g = metric(network(0, "geometry_metric", unit))
+    entries = network(0, "geometry_metric", unit), network(2, "driving_metric", None)
+    metric_g, metric_f = map(metric, entries)
     chi = network(1, "geometry", unit)
-    metric_f = metric(network(2, "driving_metric", None))
     bowl = 0.5 * config["bowl"] * ((q - torch.tensor(config["rest"])) ** 2).sum(-1)
     psi = config["potential_scale"] * network(3, "potential", None)[:, 0] + bowl
     slope = torch.autograd.grad(psi.sum(), q, create_graph=True)[0]
@@ -149,7 +187,7 @@ def ngf(params, config, q, qd, z):
     h = -solve((metric_g @ (speed2 * chi)[..., None])[..., 0])
     alpha = -(qd * h).sum(-1, keepdim=True) / (speed2 + 1e-6)
     qdd = h + alpha * qd - solve(slope + damping * qd) - 5.0 * qd
-    return qdd, psi, slope
+    return qdd, psi, slope, torch.cat(entries, -1)
 
 
 def baseline(params, config, q, qd, z):
@@ -189,7 +227,9 @@ def chamfer(a, b):
 def gradients(loss, params):
     """Of each parameter: the norm, and the values at a few places. psi's last bias has none."""
     found = {}
-    made = torch.autograd.grad(loss, params.values(), allow_unused=True, materialize_grads=True)
+    made = torch.autograd.grad(
+        loss, params.values(), retain_graph=True, allow_unused=True, materialize_grads=True
+    )
     for name, g in zip(params, made):
         g = g.flatten()
         places = [(7919 * i) % len(g) for i in range(6)]
@@ -223,7 +263,7 @@ def main():
     qd = torch.tensor(hashed("qd", batch * DOF).reshape(batch, DOF))
     qd[0] = 0
     z = torch.tensor(2 * hashed("z", batch * LATENT).reshape(batch, LATENT))
-    qdd, psi, slope = ngf(params, config, q, qd, z)
+    qdd, psi, slope, entries = ngf(params, config, q, qd, z)
     weights = torch.tensor(hashed("weights", batch * DOF).reshape(batch, DOF))
     policy = {
         "config": config,
@@ -232,6 +272,12 @@ def main():
         "slope": slope.tolist(),
         "gradients": gradients((qdd * weights).sum(), params),
     }
+
+    settings = {"position": 225.0, "velocity": 30.0, "tip_weight": 3.0, "metric_weight": 10.0}
+    target = torch.tensor(hashed("target", batch * DOF).reshape(batch, DOF))
+    loss = imitation(qdd, q, qd, target, settings)
+    whole = loss + settings["metric_weight"] * (entries**2).mean()
+    training = {"settings": settings, "loss": loss.item(), "gradients": gradients(whole, params)}
 
     features = {"seed": 2309, "scales": [2.0, 3.0, 16.0]}
     baselines = []
@@ -261,7 +307,8 @@ def main():
         "chamfer": loss.item(),
         "gradients": gradients(loss, params),
     }
-    golden = {"torch": torch.__version__, "policy": policy, "baselines": baselines, "encoder": encoder}
+    golden = {"torch": torch.__version__, "policy": policy, "training": training}
+    golden |= {"baselines": baselines, "encoder": encoder}
     (HERE / "networks.json").write_text(json.dumps(golden, indent=1) + "\n")
 
 

@@ -5,8 +5,11 @@
 
 use candle_core::{Device, Tensor};
 use geometry::Vec3;
+use imitation::expert::{self, Gains};
+use imitation::loss::joint_and_tip_error;
 use imitation::nn::{self, Params, autoencoder, chamfer::Chamfer};
 use imitation::shards::Gradient;
+use imitation::step::Loss;
 use policy::baseline::{self, Baseline, BaselineConfig};
 use policy::encoder::{
     CLOUD, DECODER_WIDTHS, Decoder, Encoder, GLOBAL_WIDTHS, LATENT, LOCAL_WIDTHS, READOUT_WIDTHS,
@@ -143,6 +146,40 @@ fn the_policy_is_that_of_pytorch() {
         assert_close("potential", &potential, &[golden["potential"][i].as_f64().unwrap()]);
     }
     assert_gradients(&weighted(&made, &params), &params, &golden["gradients"]);
+}
+
+#[test]
+fn what_a_policy_learns_from_is_that_of_pytorch() {
+    let golden = golden("training");
+    let settings = |name: &str| golden["settings"][name].as_f64().unwrap();
+    let tree = Tree::iiwa7_allegro().unwrap();
+    let config = self::golden("policy")["config"].clone();
+    let network = NetworkConfig::Ngf(serde_json::from_value(config).unwrap());
+    let NetworkConfig::Ngf(config) = &network else { unreachable!() };
+    let mut params = Params::default();
+    PARTS.iter().for_each(|part| add_layers(&mut params, part.name, &part.widths(config)));
+    let policy = PolicyConfig { observation: Observation::Cloud, network };
+    let twin = nn::network::Network::new(&policy, &tree.limits).unwrap();
+    let (states, z) = batch();
+    let latents: Vec<&[f32]> = z.chunks_exact(LATENT).collect();
+    let response = twin.respond(&params, &states, &latents).unwrap();
+
+    let gains = Gains { position: settings("position"), velocity: settings("velocity") };
+    let targets = hashed("target", BATCH * DOF);
+    let advice = |(state, target): (&JointState, &[f32])| {
+        let target = JointVector::from_fn(|i, _| target[i] as f64);
+        expert::acceleration(&gains, &target, state)
+    };
+    let wanted: Vec<JointVector> =
+        states.iter().zip(targets.chunks_exact(DOF)).map(advice).collect();
+    let at: Vec<JointVector> = states.iter().map(|state| state.q).collect();
+    let (made, weight) = (&response.accelerations, settings("tip_weight"));
+    let loss = joint_and_tip_error(&tree, &at, made, &wanted, weight).unwrap();
+    let Loss { shown, whole } =
+        Loss::with_metrics(loss, &response, settings("metric_weight")).unwrap();
+    let shown = [shown.to_scalar::<f32>().unwrap() as f64];
+    assert_close("loss", &shown, &[golden["loss"].as_f64().unwrap()]);
+    assert_gradients(&Gradient::of(&whole, &params).unwrap(), &params, &golden["gradients"]);
 }
 
 #[test]
