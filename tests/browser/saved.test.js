@@ -92,6 +92,46 @@ test("a file that is kept on the server comes with the link", async () => {
   await other.close();
 });
 
+test("what the address asks for is on its way with a bar, and does not take the place of what somebody began", async () => {
+  const asked = await fetch(`${served.address}/api/v1/meshes?name=late.obj`, { method: "POST", body: BOX });
+  const { id } = await asked.json();
+  const { page, complaints } = await blank(served);
+  // It drips until it may come. A route answers as a whole, so that the page's own fetch is taken in hand.
+  await page.addInitScript(() => {
+    const fetched = globalThis.fetch;
+    globalThis.fetch = async (...asked) => {
+      const answer = await fetched(...asked);
+      if (!/meshes.*file/.test(String(asked[0]))) return answer;
+      const bytes = new Uint8Array(await answer.arrayBuffer());
+      const body = new ReadableStream({
+        async start(stream) {
+          let at = 0;
+          for (; !globalThis.mayCome && at < bytes.length; at += 1) {
+            stream.enqueue(bytes.slice(at, at + 1));
+            await new Promise((resolve) => setTimeout(resolve, 200));
+          }
+          stream.enqueue(bytes.slice(at));
+          stream.close();
+        },
+      });
+      return new Response(body, { headers: { "Content-Length": String(bytes.length) } });
+    };
+  });
+  await page.goto(`${served.address}/?mesh=${id}`);
+  await untilReady(page);
+  await page.waitForFunction(() => /^late\.obj /.test(document.getElementById("progress-label").textContent));
+  await page.click("#objects label:has([value=soup_can])");
+  await page.waitForFunction(() => document.getElementById("report-mass").textContent === "349 g");
+  await page.evaluate(() => (globalThis.mayCome = true));
+  await page.waitForSelector("#objects label:has-text('late.obj')");
+  await page.waitForSelector("#progress", { state: "hidden" });
+  assert.ok(await page.isChecked("#objects [value=soup_can]"));
+  await page.click("#objects label:has-text('late.obj')");
+  await page.waitForFunction(() => document.getElementById("report-mass").textContent !== "349 g");
+  assert.deepEqual(complaints, []);
+  await page.close();
+});
+
 test("what is loaded goes on without a network, and what is not says so", async () => {
   const context = await served.browser.newContext({ reducedMotion: "reduce" });
   const page = await context.newPage();
@@ -103,6 +143,7 @@ test("what is loaded goes on without a network, and what is not says so", async 
   await page.focus("#policy");
   await page.waitForSelector("#policy option[value=paper]", { state: "attached" });
   await context.setOffline(true);
+  await page.waitForSelector("[data-code=offline]");
   await page.setInputFiles("#file", { name: "tea.obj", mimeType: "text/plain", buffer: Buffer.from(BOX) });
   await page.waitForFunction(() => document.body.textContent.includes("tea.obj"));
   const { words } = await verdict(page);
@@ -114,6 +155,7 @@ test("what is loaded goes on without a network, and what is not says so", async 
   await page.click("[data-code=model_not_fetched] .again");
   await page.waitForSelector("[data-code=model_not_fetched] .again");
   await context.setOffline(false);
+  await page.waitForSelector("[data-code=offline]", { state: "detached" });
   await page.click("[data-code=model_not_fetched] .again");
   await page.waitForFunction(() => /Policy "paper"/.test(document.getElementById("model").textContent));
   assert.equal(await page.locator("[data-code=model_not_fetched]").count(), 0);

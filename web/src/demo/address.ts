@@ -2,6 +2,7 @@
 // ?episode=DATASET/INDEX, or a link's.
 
 import { answered } from "../common/strings";
+import type { Progress } from "./protocol";
 import type { Shared } from "./share";
 
 export interface Asked {
@@ -13,7 +14,7 @@ export interface Asked {
   // Whether that is a demonstration, which plays by itself.
   plays: boolean;
   // The mesh or the demonstration, if there is one.
-  fetchFile(): Promise<File | null>;
+  fetchFile(tell: (progress: Progress) => void): Promise<File | null>;
 }
 
 export function askedFor(shared: Shared | null, search = location.search): Asked {
@@ -24,19 +25,40 @@ export function askedFor(shared: Shared | null, search = location.search): Asked
     training: (!shared && query.get("training")) || null,
     brings: mesh !== null || episode !== null,
     plays: mesh === null && episode !== null,
-    fetchFile: async () => {
-      if (mesh !== null) return fetchMesh(`meshes/${encodeURIComponent(mesh)}`);
+    fetchFile: async (tell) => {
+      if (mesh !== null) return fetchMesh(`meshes/${encodeURIComponent(mesh)}`, tell);
       if (episode === null) return null;
       const [dataset = "", index = ""] = episode.split("/").map(encodeURIComponent);
-      const answer = await get(`datasets/${dataset}/episodes/${index}`);
-      return new File([await answer.blob()], `${dataset}-${index}.json`);
+      const name = `${dataset}-${index}.json`;
+      return body(await get(`datasets/${dataset}/episodes/${index}`), name, tell);
     },
   };
 }
 
-async function fetchMesh(path: string): Promise<File> {
+async function fetchMesh(path: string, tell: (progress: Progress) => void): Promise<File> {
   const { name } = (await (await get(path)).json()) as { name: string };
-  return new File([await (await get(`${path}/file`)).blob()], name);
+  return body(await get(`${path}/file`), name, tell);
+}
+
+// The whole of an answer as a file, and how much of it is there.
+async function body(answer: Response, name: string, tell: (progress: Progress) => void): Promise<File> {
+  const parts: Uint8Array<ArrayBuffer>[] = [];
+  // What is compressed on its way has another length than the file.
+  const length = answer.headers.has("Content-Encoding") ? null : answer.headers.get("Content-Length");
+  const total = length === null ? null : Number(length);
+  const told = { kind: "progress", label: name, total, unit: "bytes" } as const;
+  let done = 0;
+  try {
+    for (const reader = answer.body!.getReader(); ; ) {
+      const part = await reader.read();
+      if (part.done) return new File(parts, name);
+      parts.push(part.value);
+      done += part.value.length;
+      tell({ ...told, done, finished: false });
+    }
+  } finally {
+    tell({ ...told, done, finished: true });
+  }
 }
 
 async function get(path: string): Promise<Response> {

@@ -307,16 +307,18 @@ async function showModel(model: Model): Promise<void> {
   // It was laid down before there was a policy to ask.
   const { file, told, because } = situation;
   if (model.id !== null && because === "wouldFall" && file && told) await uploads.begin(file, told);
-  if (!isFirst || isCalm || arrival || !asked.brings || asked.plays) return;
+  if (!isFirst || isCalm || arrival || !asked.brings || asked.plays || opening.isTakenOver) return;
   whenSeen(() => attempt.grasp());
 }
 
 // What the address asks for comes first, and is what the first attempt is about.
 async function bring(): Promise<void> {
   try {
-    const file = await asked.fetchFile();
+    const file = await asked.fetchFile((progress) => showProgress(progress, false));
     if (!file) return;
     if (!asked.plays) objects.add(file);
+    // Whoever has begun something else meanwhile finds it in the list.
+    if (opening.isTakenOver) return;
     await uploads.begin(file, saidOf(file));
   } catch (error) {
     failures.show({ kind: "failure", code: "address_unusable", ...FILES.notFetched(String(error)) });
@@ -383,16 +385,6 @@ function refuse(file: File | null): void {
 // The same of one that nobody waits for any more.
 function giveUp(file: File | null): void {
   if (file) objects.giveUp(file);
-}
-
-// What nobody has foreseen is told, too.
-addEventListener("error", ({ message }) => tellOfPage(message));
-addEventListener("unhandledrejection", ({ reason }) => tellOfPage(String(reason)));
-
-function tellOfPage(why: string): void {
-  // A picture that did not settle within one frame does in the next.
-  if (why.includes("ResizeObserver loop")) return;
-  failures.show({ kind: "failure", code: "page_failed", ...FAILURES.ofPage(why) });
 }
 
 // A link that is followed here begins as on a page of its own.

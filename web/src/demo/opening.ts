@@ -16,6 +16,7 @@ export class Opening {
   #isOn: boolean;
   #hasModel = false;
   #isOver = false;
+  #isTakenOver = false;
 
   constructor(isWanted: boolean, events: OpeningEvents) {
     this.#isOn = isWanted;
@@ -42,6 +43,11 @@ export class Opening {
   // Somebody has taken over.
   stop(): void {
     this.#isOn = false;
+    this.#isTakenOver = true;
+  }
+
+  get isTakenOver(): boolean {
+    return this.#isTakenOver;
   }
 
   // Nothing is played, or no more.

@@ -203,6 +203,10 @@ export const FAILURES = {
   fetchAgain: "Fetch it again",
   notLoaded: (why: string) => ({ cause: why, cure: "Reload the page. It needs Chrome 111, Firefox 121, Safari 16.4 or newer." }),
   ofPage: (why: string) => ({ cause: `The page itself failed: ${why}`, cure: "Reload it; meshes that you brought are kept." }),
+  offline: {
+    cause: "There is no network.",
+    cure: "What is here goes on: objects, meshes of yours, the policy that acts. Other policies and links come when it is back.",
+  },
   unsupported: { cause: "This browser has no WebAssembly with SIMD, which the simulation is made of.", cure: UPDATE },
   stopped: (why: string | undefined) => ({
     cause: why ? `The simulation stopped: ${why}` : "The simulation did not start.",

@@ -1,7 +1,7 @@
 // Links to an attempt, and files of it: picture, film, episode.
 
 import { ask, Refused } from "../../common/api";
-import { element } from "../../common/dom";
+import { copied, element } from "../../common/dom";
 import { FILM } from "../film";
 import type { Frame, Model, ObjectLoaded, Ready, Told, Verdict } from "../protocol";
 import { save } from "../save";
@@ -111,12 +111,8 @@ export class SharePanel {
     const link = linkOf(shared);
     const needsFile = object.name === null && this.#mesh === null;
     this.#store.hidden = !needsFile;
-    try {
-      await navigator.clipboard.writeText(link);
-      this.#hint.textContent = needsFile ? SHARE.copiedWithoutFile : SHARE.copied;
-    } catch {
-      this.#hint.textContent = link;
-    }
+    this.#hint.textContent = link;
+    if (await copied(this.#hint)) this.#hint.textContent = needsFile ? SHARE.copiedWithoutFile : SHARE.copied;
   }
 
   // Stores the file on the server, on purpose, so that the link suffices.
