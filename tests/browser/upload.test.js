@@ -430,6 +430,26 @@ test("what was said of a mesh holds on the next visit", async () => {
   await page.close();
 });
 
+test("a mesh for which the browser has no room is there until the page is left, and that is told", async () => {
+  const { page, complaints } = await blank(served);
+  await page.addInitScript(() => {
+    IDBObjectStore.prototype.put = () => {
+      throw new DOMException("no room", "QuotaExceededError");
+    };
+  });
+  await page.goto(served.address);
+  await untilReady(page);
+  await page.setInputFiles("#file", file("box.obj", BOX));
+  assert.match(await page.textContent("[data-code=mesh_not_kept]"), /no room to keep box\.obj/);
+  await page.waitForSelector("#objects label:has-text('box.obj') :checked");
+  assert.equal(await page.textContent("#report-size"), "4.0 × 6.0 × 12.0 cm");
+  await page.reload();
+  await untilReady(page);
+  assert.equal(await page.locator("#objects label:has-text('box.obj')").count(), 0);
+  assert.deepEqual(complaints, []);
+  await page.close();
+});
+
 test("a link about another file leaves what was said of one's own", async () => {
   const { page, complaints } = await visit(served);
   await untilReady(page);

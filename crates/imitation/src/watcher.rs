@@ -20,8 +20,8 @@ pub struct Progress<'a> {
 
 /// Is told how a training goes.
 pub trait Watcher {
-    /// Called every 50 steps, where a checkpoint is due, and after the last step. `false` stops the training: what came after the last checkpoint is done again when it
-    /// is resumed.
+    /// Called every 50 steps, where a checkpoint is due, and after the last step. `false` stops the training: what came
+    /// after the last checkpoint is done again when it is resumed.
     fn progress(&mut self, now: &Progress) -> Result<bool>;
 
     /// Something went wrong that does not end the training.

@@ -4,6 +4,7 @@
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use serde_json::Value;
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
 use std::time::Duration;
@@ -107,9 +108,24 @@ fn killed_and_resumed_it_ends_in_the_same_weights() {
     assert!(refused(other.args(["--rate", "0.001"])).contains("other settings (rate)"));
     // What lies beside the weights still tells of the training that made them.
     let about = std::fs::read(killed.join("dagger.json")).unwrap();
-    let about: serde_json::Value = serde_json::from_slice(&about).unwrap();
+    let about: Value = serde_json::from_slice(&about).unwrap();
     assert_eq!((&about["rate"], &about["steps"]), (&5e-4.into(), &30.into()));
     assert!(about["data"].is_string() && about["encoder"].is_string() && about["poses"].is_null());
+
+    its_log_tells_how_far_and_how_fast(&whole);
+    // Of fewer poses there are fewer lessons.
+    let lessons = |name: &str, words: &[&str]| {
+        let mut command = ngf(
+            &["train", "policy", "--batch", "4", "--steps", "4"],
+            &data,
+            &folder.path().join(name),
+        );
+        command.args(words).arg("--encoder").arg(&whole).stdout(Stdio::piped());
+        let said = String::from_utf8(succeeded(command).stdout).unwrap();
+        said.split_once(" lessons").unwrap().0.parse::<usize>().unwrap()
+    };
+    let (all, fewer) = (lessons("all", &[]), lessons("fewer", &["--poses", "1"]));
+    assert!(0 < fewer && fewer < all, "{fewer} of {all}");
 
     // What makes no sense is refused before anything is done.
     for (words, why) in [
@@ -123,6 +139,21 @@ fn killed_and_resumed_it_ends_in_the_same_weights() {
     let mut onto_itself = ngf(&["train", "policy", "--steps", "60"], &data, &whole);
     let said = refused(onto_itself.arg("--from").arg(&whole));
     assert!(said.contains("would be lost"), "{said}");
+}
+
+/// A training of 30 steps with a checkpoint every 4.
+fn its_log_tells_how_far_and_how_fast(out: &Path) {
+    let log = std::fs::read_to_string(out.join("policy.log.jsonl")).unwrap();
+    let steps: Vec<Value> = log.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    let at: Vec<u64> = steps.iter().map(|line| line["step"].as_u64().unwrap()).collect();
+    assert_eq!(at, [4, 8, 12, 16, 20, 24, 28, 30]);
+    for (line, name) in steps.iter().flat_map(|line| [(line, "loss"), (line, "gradient_norm")]) {
+        assert!(line[name].as_f64().unwrap() > 0.0, "{name} in {line}");
+    }
+    // A pace is known from the second report on.
+    assert!(steps[0]["samples_per_s"].is_null());
+    assert!(steps[1..].iter().all(|line| line["samples_per_s"].as_f64().unwrap() > 0.0));
+    assert_eq!(steps[7]["seconds_left"], 0.0);
 }
 
 fn refused(command: &mut Command) -> String {
