@@ -186,6 +186,7 @@ test("an attempt that failed in an evaluation is made again in the demo, and end
   const params = { model_id: "default", mesh_id, mass_kg: 6, attempts: 2, seed: 3 };
   const { id } = await jobs.made("policy.evaluate", params, "A bottle of lead");
   const { page, complaints } = await jobs.visit(`#jobs/${id}`);
+  await page.waitForSelector("td:has-text('bottle.obj')");
   await page.click(".attempts summary");
   await screenshot(page, "jobs-attempts");
   const [demo] = await Promise.all([page.context().waitForEvent("page"), page.click("a:has-text('seed 4')")]);

@@ -1,5 +1,6 @@
 // Evaluations as a table: how often what was lifted, and each attempt that failed as a link to it.
 
+import { ask, type List } from "../common/api";
 import { h } from "../common/dom";
 import { label, percent } from "../common/numbers";
 import { link, table } from "../common/parts";
@@ -14,9 +15,9 @@ const LARGEST_SEED = 0xffffffff;
 
 // The attempts are links where it is known which job made them, and with which object.
 export function evaluations(reports: Evaluation[], job: Job | null = null): HTMLElement {
+  const meshes = new Map<string, HTMLElement[]>();
   const rows = reports.map((report) => [
-    // A mesh is called by its id.
-    report.object.startsWith("msh_") ? report.object : label(report.object),
+    object(report.object, meshes),
     report.job ? link(`jobs/${report.job}`, report.policy) : report.policy,
     share(report),
     outOf(report.lifted, report.attempts),
@@ -24,7 +25,22 @@ export function evaluations(reports: Evaluation[], job: Job | null = null): HTML
     failures(report, job),
     String(report.seed),
   ]);
+  if (meshes.size > 0) void nameMeshes(meshes);
   return table(EVALUATION.head, rows, [3]);
+}
+
+// A mesh is called by its id until its name is known.
+function object(name: string, meshes: Map<string, HTMLElement[]>): Node | string {
+  if (!name.startsWith("msh_")) return label(name);
+  const shown = h("span", { title: name }, name);
+  meshes.set(name, [...(meshes.get(name) ?? []), shown]);
+  return shown;
+}
+
+// One that was deleted meanwhile keeps its id, and so do those that are older than so many.
+async function nameMeshes(meshes: Map<string, HTMLElement[]>): Promise<void> {
+  const { data } = await ask<List<{ id: string; name: string }>>("meshes?limit=100").catch(() => ({ data: [] }));
+  for (const { id, name } of data) for (const shown of meshes.get(id) ?? []) shown.textContent = name;
 }
 
 // A bar from 0 to 1 with its interval.
