@@ -130,6 +130,19 @@ impl Model {
         }))
     }
 
+    /// Hash of all that acts, as evaluations name it; `None` where a file is missing.
+    pub(crate) async fn hash(&self) -> Result<Option<String>, Problem> {
+        let mut hasher = blake3::Hasher::new();
+        for file in ModelFile::ALL {
+            match tokio::fs::read(self.path(file)).await {
+                Ok(bytes) => hasher.update(&bytes),
+                Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+                Err(error) => return Err(Problem::unreadable(&error)),
+            };
+        }
+        Ok(Some(hasher.finalize().to_hex().to_string()))
+    }
+
     async fn card(&self) -> Result<Value, Problem> {
         let text = match tokio::fs::read(self.folder.join("card.json")).await {
             Ok(text) => text,

@@ -93,7 +93,7 @@ test("a file that is kept on the server comes with the link", async () => {
 });
 
 test("what the address asks for is on its way with a bar, and does not take the place of what somebody began", async () => {
-  const asked = await fetch(`${served.address}/api/v1/meshes?name=late.obj`, { method: "POST", body: BOX });
+  const asked = await fetch(`${served.address}/api/v1/meshes?name=late.obj`, { method: "POST", body: BOX.replaceAll("120", "90") });
   const { id } = await asked.json();
   const { page, complaints } = await blank(served);
   // It drips until it may come. A route answers as a whole, so that the page's own fetch is taken in hand.
@@ -125,7 +125,12 @@ test("what the address asks for is on its way with a bar, and does not take the 
   await page.evaluate(() => (globalThis.mayCome = true));
   await page.waitForSelector("#objects label:has-text('late.obj')");
   await page.waitForSelector("#progress", { state: "hidden" });
+  // What the worker says to a later question would come after another object.
+  const before = await page.inputValue("#pose-x");
+  await page.click("#new-pose");
+  await page.waitForFunction((x) => document.getElementById("pose-x").value !== x, before);
   assert.ok(await page.isChecked("#objects [value=soup_can]"));
+  assert.equal(await page.textContent("#report-mass"), "349 g");
   await page.click("#objects label:has-text('late.obj')");
   await page.waitForFunction(() => document.getElementById("report-mass").textContent !== "349 g");
   assert.deepEqual(complaints, []);

@@ -108,6 +108,17 @@ fn batch() -> (Vec<JointState>, Vec<f32>) {
     (states, hashed("z", BATCH * LATENT).iter().map(|x| 2.0 * x).collect())
 }
 
+/// The fabric of the golden, with its parameters.
+fn ngf() -> (NgfConfig, Params, nn::network::Network) {
+    let config: NgfConfig = serde_json::from_value(golden("policy")["config"].clone()).unwrap();
+    let mut params = Params::default();
+    PARTS.iter().for_each(|part| add_layers(&mut params, part.name, &part.widths(&config)));
+    let network = NetworkConfig::Ngf(config.clone());
+    let policy = PolicyConfig { observation: Observation::Cloud, network };
+    let limits = Tree::iiwa7_allegro().unwrap().limits;
+    (config, params, nn::network::Network::new(&policy, &limits).unwrap())
+}
+
 /// Gradient of the weighted sum of what a network does.
 fn weighted(made: &Tensor, params: &Params) -> Gradient {
     let weights = hashed("weights", BATCH * DOF);
@@ -119,18 +130,13 @@ fn weighted(made: &Tensor, params: &Params) -> Gradient {
 #[test]
 fn the_policy_is_that_of_pytorch() {
     let golden = golden("policy");
-    let config: NgfConfig = serde_json::from_value(golden["config"].clone()).unwrap();
+    let (config, params, twin) = ngf();
     let limits = Tree::iiwa7_allegro().unwrap().limits;
-    let mut params = Params::default();
-    PARTS.iter().for_each(|part| add_layers(&mut params, part.name, &part.widths(&config)));
     let (states, z) = batch();
     let latents: Vec<&[f32]> = z.chunks_exact(LATENT).collect();
 
     let bytes = params.export(&[]).unwrap();
     let runs = Ngf::load(&Tensors::parse(&bytes).unwrap(), &config, LATENT, &limits).unwrap();
-    let network = NetworkConfig::Ngf(config);
-    let twin = PolicyConfig { observation: Observation::Cloud, network };
-    let twin = nn::network::Network::new(&twin, &limits).unwrap();
     let made = twin.respond(&params, &states, &latents).unwrap().accelerations;
     let rows = made.to_vec2::<f32>().unwrap();
     for (i, (state, z)) in states.iter().zip(&latents).enumerate() {
@@ -153,13 +159,7 @@ fn what_a_policy_learns_from_is_that_of_pytorch() {
     let golden = golden("training");
     let settings = |name: &str| golden["settings"][name].as_f64().unwrap();
     let tree = Tree::iiwa7_allegro().unwrap();
-    let config = self::golden("policy")["config"].clone();
-    let network = NetworkConfig::Ngf(serde_json::from_value(config).unwrap());
-    let NetworkConfig::Ngf(config) = &network else { unreachable!() };
-    let mut params = Params::default();
-    PARTS.iter().for_each(|part| add_layers(&mut params, part.name, &part.widths(config)));
-    let policy = PolicyConfig { observation: Observation::Cloud, network };
-    let twin = nn::network::Network::new(&policy, &tree.limits).unwrap();
+    let (_, params, twin) = ngf();
     let (states, z) = batch();
     let latents: Vec<&[f32]> = z.chunks_exact(LATENT).collect();
     let response = twin.respond(&params, &states, &latents).unwrap();

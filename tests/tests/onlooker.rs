@@ -12,7 +12,7 @@ use rollout::{Attempt, Controller, Phase, Verdict, Workcell};
 use scene::Simulation;
 use std::path::Path;
 
-/// A cell with the shipped model.
+/// A cell with `models/default`.
 fn workcell() -> Workcell {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../models/default");
     let read = |name: &str| std::fs::read(folder.join(name)).unwrap();

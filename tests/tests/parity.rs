@@ -34,7 +34,7 @@ const REPORTS: [&str; 2] = [
 const ATTEMPTS: usize = 2;
 
 #[test]
-fn attempts_of_the_shipped_model_end_as_they_did() {
+fn attempts_of_the_default_model_end_as_they_did() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../models/default");
     let read = |file: &str| std::fs::read(folder.join(file)).unwrap();
     let files = ["weights.safetensors", "starts.safetensors", "config.json"].map(read);

@@ -1,4 +1,4 @@
-//! Attempts of the model that is shipped, as the files beside `tests/golden/episode.json` have them: verdicts and final
+//! Attempts of `models/default`, as the files beside `tests/golden/episode.json` have them: verdicts and final
 //! hashes, bit for bit as natively. `tests/tests/parity.rs` holds the native side to the same files.
 
 #![cfg(target_arch = "wasm32")]

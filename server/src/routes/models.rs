@@ -88,14 +88,26 @@ pub(crate) async fn card(
     Path(id): Path<String>,
 ) -> Result<Json<Value>, Problem> {
     let id = state.model_of(&id);
-    let mut told = match of_job(&state, id).await? {
-        Some(record) => described(record),
-        None => Model::find(&state, id).await?.describe(&state).await?,
+    let (mut told, hash) = match of_job(&state, id).await? {
+        // Its id is made of its files.
+        Some(record) => (described(record), None),
+        None => {
+            let model = Model::find(&state, id).await?;
+            (model.describe(&state).await?, model.hash().await?)
+        }
     };
     if let Some(engine) = &state.engine {
-        told["evaluations"] = engine.store.evaluations_of(id).await?.into();
+        let mut evaluations = engine.store.evaluations_of(id).await?;
+        evaluations.retain(|evaluation| hash.as_ref().is_none_or(|hash| is_of(evaluation, hash)));
+        told["evaluations"] = evaluations.into();
     }
     Ok(Json(told))
+}
+
+/// Whether an evaluation is of the files with this hash, and not of others that lay in their folder before.
+fn is_of(evaluation: &Value, hash: &str) -> bool {
+    let reports = evaluation["reports"].as_array().into_iter().flatten();
+    reports.filter_map(|report| report["model_hash"].as_str()).all(|of| of == hash)
 }
 
 /// Forgets a model that a job made, with those of its files that no other model has.
@@ -238,4 +250,19 @@ fn out_of_range(file: ModelFile, refused: &Response) -> Response {
         response.headers_mut().insert(header::CONTENT_RANGE, length);
     }
     response
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_was_counted_of_other_files_is_left_out() {
+        let of =
+            |hash: Value| json!({ "reports": [{ "model_hash": "ab" }, { "model_hash": hash }] });
+        assert!(is_of(&of("ab".into()), "ab"));
+        assert!(!is_of(&of("cd".into()), "ab"));
+        // The planner acts without files.
+        assert!(is_of(&of(Value::Null), "ab"));
+    }
 }

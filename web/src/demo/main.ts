@@ -32,8 +32,11 @@ import { Training } from "./training";
 import { Uploads } from "./uploads";
 import type { Preset } from "./view/camera";
 import { View, type ViewEvents } from "./view/view";
+import { watch } from "./watch";
 
 let isFirstModel = true;
+// Whether something was put on the table or tried since the address asked for something.
+let isBegun = false;
 let objectHash = "";
 // Who acts, once somebody does.
 let acts: Model | null = null;
@@ -50,12 +53,14 @@ let wanted = asked.model;
 // What somebody asks for, as the page was opened or since.
 const send = (message: ToWorker) => {
   if (!PASSIVE.has(message.kind)) opening.stop();
+  if (BEGINNINGS.has(message.kind)) isBegun = true;
   uploads.after(() => {
     engine.send(message);
     comparison.send(message);
   });
 };
 const PASSIVE = new Set<ToWorker["kind"]>(["watch", "pause", "resume", "speed"]);
+const BEGINNINGS = new Set<ToWorker["kind"]>(["load", "place", "randomPose", "grasp", "batch", "follow"]);
 const place = (pose: PlanarPose) => send({ kind: "place", pose });
 
 const attempt = new AttemptPanel({
@@ -68,6 +73,7 @@ const objects = new ObjectPicker({
   load,
   upload: (file) => {
     opening.stop();
+    isBegun = true;
     void uploads.begin(file, saidOf(file));
   },
   corrected: (file, told) => uploads.remember(file, told),
@@ -235,7 +241,7 @@ function receive(message: FromWorker): void {
       report.showLikeness(message.likeness);
       break;
     case "progress":
-      showProgress(message, situation.isReading);
+      showProgress("worker", message, situation.isReading);
       break;
     case "model":
       showModel(message);
@@ -307,18 +313,19 @@ async function showModel(model: Model): Promise<void> {
   // It was laid down before there was a policy to ask.
   const { file, told, because } = situation;
   if (model.id !== null && because === "wouldFall" && file && told) await uploads.begin(file, told);
-  if (!isFirst || isCalm || arrival || !asked.brings || asked.plays || opening.isTakenOver) return;
+  if (!isFirst || isCalm || arrival || !asked.brings || asked.plays || isBegun) return;
   whenSeen(() => attempt.grasp());
 }
 
 // What the address asks for comes first, and is what the first attempt is about.
 async function bring(): Promise<void> {
+  isBegun = false;
   try {
-    const file = await asked.fetchFile((progress) => showProgress(progress, false));
+    const file = await asked.fetchFile((progress) => showProgress("page", progress));
     if (!file) return;
-    if (!asked.plays) objects.add(file);
     // Whoever has begun something else meanwhile finds it in the list.
-    if (opening.isTakenOver) return;
+    if (isBegun && !asked.plays) return objects.offer(file);
+    if (!asked.plays) objects.add(file);
     await uploads.begin(file, saidOf(file));
   } catch (error) {
     failures.show({ kind: "failure", code: "address_unusable", ...FILES.notFetched(String(error)) });
@@ -348,7 +355,7 @@ function stop(headline: string): void {
   batch.stop();
   batch.enable(false);
   playback.disable();
-  endProgress();
+  endProgress("worker");
 }
 
 // Another worker, in which stands what stood there.
@@ -386,6 +393,11 @@ function refuse(file: File | null): void {
 function giveUp(file: File | null): void {
   if (file) objects.giveUp(file);
 }
+
+watch(
+  (failure) => failures.show(failure),
+  (code) => failures.close(code),
+);
 
 // A link that is followed here begins as on a page of its own.
 addEventListener("hashchange", () => sharedOrTold() && location.reload());

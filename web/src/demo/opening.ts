@@ -16,7 +16,6 @@ export class Opening {
   #isOn: boolean;
   #hasModel = false;
   #isOver = false;
-  #isTakenOver = false;
 
   constructor(isWanted: boolean, events: OpeningEvents) {
     this.#isOn = isWanted;
@@ -43,11 +42,6 @@ export class Opening {
   // Somebody has taken over.
   stop(): void {
     this.#isOn = false;
-    this.#isTakenOver = true;
-  }
-
-  get isTakenOver(): boolean {
-    return this.#isTakenOver;
   }
 
   // Nothing is played, or no more.

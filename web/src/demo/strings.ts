@@ -205,7 +205,7 @@ export const FAILURES = {
   ofPage: (why: string) => ({ cause: `The page itself failed: ${why}`, cure: "Reload it; meshes that you brought are kept." }),
   offline: {
     cause: "There is no network.",
-    cure: "What is here goes on: objects, meshes of yours, the policy that acts. Other policies and links come when it is back.",
+    cure: "What is here goes on: objects, meshes of yours, the policy that acts. Other policies and links can be asked for when it is back.",
   },
   unsupported: { cause: "This browser has no WebAssembly with SIMD, which the simulation is made of.", cure: UPDATE },
   stopped: (why: string | undefined) => ({

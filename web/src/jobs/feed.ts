@@ -31,6 +31,8 @@ export class Feed {
   readonly #listeners = new Set<Listener>();
   #hasMore = true;
   #filter: Filter = { status: "", kind: "" };
+  // The filter of which a page is being fetched.
+  #coming: Filter | null = null;
   // The last id of the pages so far, "" before the first; jobs that are known from elsewhere may be older.
   #oldest = "";
   #changed = new Set<string>();
@@ -61,14 +63,20 @@ export class Feed {
     [this.#filter, this.#oldest, this.#hasMore] = [filter, "", true];
   }
 
-  // Fetches the next page.
+  // Fetches the next page, one at a time.
   async more(): Promise<void> {
-    if (!this.#hasMore) return;
-    const page = await this.#page(this.#oldest);
-    if (!page) return;
-    this.#hasMore = page.has_more;
-    this.#oldest = page.data.at(-1)?.id ?? this.#oldest;
-    this.#tell();
+    const filter = this.#filter;
+    if (!this.#hasMore || this.#coming === filter) return;
+    this.#coming = filter;
+    try {
+      const page = await this.#page(this.#oldest);
+      if (!page) return;
+      this.#hasMore = page.has_more;
+      this.#oldest = page.data.at(-1)?.id ?? this.#oldest;
+      this.#tell();
+    } finally {
+      if (this.#coming === filter) this.#coming = null;
+    }
   }
 
   // Takes those that a filter wants and that are older than this one; null if another filter was chosen meanwhile.

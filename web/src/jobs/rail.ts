@@ -87,7 +87,7 @@ export class Rail {
         this.#rows.delete(id);
       }
     }
-    if (this.#rows.size > before) this.#lookAgain();
+    if (this.#rows.size > before && !this.#isRefused) this.#lookAgain();
     this.#tellEnd();
   }
 

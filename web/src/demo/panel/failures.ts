@@ -6,7 +6,6 @@ import type { Failure } from "../protocol";
 import { FAILURES } from "../strings";
 
 const MOST = 3;
-const OFFLINE = "offline";
 
 export class Failures {
   readonly #list = element("failures", HTMLElement);
@@ -16,12 +15,6 @@ export class Failures {
 
   constructor(restart: () => void, fetchAgain: () => void) {
     [this.#restart, this.#fetchAgain] = [restart, fetchAgain];
-    // What nobody has foreseen is told, too.
-    addEventListener("error", ({ message }) => this.#ofPage(message));
-    addEventListener("unhandledrejection", ({ reason }) => this.#ofPage(String(reason)));
-    addEventListener("offline", () => this.show({ kind: "failure", code: OFFLINE, ...FAILURES.offline }));
-    addEventListener("online", () => this.close(OFFLINE));
-    if (!navigator.onLine) dispatchEvent(new Event("offline"));
   }
 
   show(failure: Failure): void {
@@ -36,12 +29,6 @@ export class Failures {
   // What failed works again.
   close(code: string): void {
     this.#list.querySelector(`[data-code="${CSS.escape(code)}"]`)?.remove();
-  }
-
-  #ofPage(why: string): void {
-    // A picture that did not settle within one frame does in the next.
-    if (why.includes("ResizeObserver loop")) return;
-    this.show({ kind: "failure", code: "page_failed", ...FAILURES.ofPage(why) });
   }
 
   #card(failure: Failure): Element {

@@ -147,6 +147,11 @@ export class ObjectPicker {
     this.#put({ file, choice, isKept, wasRead, before });
   }
 
+  // The same, unless there is one of its name.
+  offer(file: File): void {
+    if (!this.#files.has(file.name)) this.add(file);
+  }
+
   #put(brought: Brought): void {
     this.#files.set(brought.file.name, brought);
     this.#button.before(brought.choice);

@@ -111,8 +111,9 @@ export class SharePanel {
     const link = linkOf(shared);
     const needsFile = object.name === null && this.#mesh === null;
     this.#store.hidden = !needsFile;
-    this.#hint.textContent = link;
-    if (await copied(this.#hint)) this.#hint.textContent = needsFile ? SHARE.copiedWithoutFile : SHARE.copied;
+    const isCopied = await copied(this.#hint, link);
+    this.#hint.textContent = isCopied ? (needsFile ? SHARE.copiedWithoutFile : SHARE.copied) : link;
+    if (!isCopied) getSelection()?.selectAllChildren(this.#hint);
   }
 
   // Stores the file on the server, on purpose, so that the link suffices.
