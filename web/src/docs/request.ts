@@ -142,11 +142,16 @@ function tried(description: Description, method: string, path: string, parameter
 async function shown(answer: Response): Promise<string> {
   const kind = answer.headers.get("content-type") ?? "";
   if (answer.status === 204) return "";
-  if (/ndjson|openmetrics/.test(kind)) return (await answer.text()).slice(0, MOST_SHOWN);
-  if (kind.includes("json")) return JSON.stringify(await answer.json(), null, 2).slice(0, MOST_SHOWN);
-  if (kind.startsWith("text/")) return (await answer.text()).slice(0, MOST_SHOWN);
+  if (/ndjson|openmetrics/.test(kind)) return cut(await answer.text());
+  if (kind.includes("json")) return cut(JSON.stringify(await answer.json(), null, 2));
+  if (kind.startsWith("text/")) return cut(await answer.text());
   const { size } = await answer.blob();
   return TRIED.bytes(size.toLocaleString("en"), kind);
+}
+
+function cut(text: string): string {
+  if (text.length <= MOST_SHOWN) return text;
+  return `${text.slice(0, MOST_SHOWN)}\n${TRIED.cut(MOST_SHOWN.toLocaleString("en"), text.length.toLocaleString("en"))}`;
 }
 
 function example(description: Description, operation: Operation): string {

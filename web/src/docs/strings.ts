@@ -18,5 +18,6 @@ export const TRIED = {
   file: "File that is sent",
   noJson: (why: string) => `The body is no JSON: ${why}`,
   tryIt: "Try it",
+  cut: (shown: string, all: string) => `… these were the first ${shown} of ${all} characters`,
   bytes: (count: string, kind: string) => `${count} bytes of ${kind}`,
 } as const;
