@@ -22,11 +22,11 @@ export function evaluations(reports: Evaluation[], job: Job | null = null): HTML
     share(report),
     outOf(report.lifted, report.attempts),
     `${percent(report.wilson95[0])} – ${percent(report.wilson95[1])}`,
-    failures(report, job),
+    h("div", { class: "reasons" }, failures(report, job)),
     String(report.seed),
   ]);
   if (meshes.size > 0) void nameMeshes(meshes);
-  return table(EVALUATION.head, rows, [3]);
+  return table(EVALUATION.head, rows, [3, 4]);
 }
 
 // A mesh is called by its id until its name is known.
