@@ -35,7 +35,7 @@ import { View, type ViewEvents } from "./view/view";
 import { watch } from "./watch";
 
 let isFirstModel = true;
-// Whether something was put on the table or tried since the address asked for something.
+// Whether something was put on the table or tried, but for what the address asks for.
 let isBegun = false;
 let objectHash = "";
 // Who acts, once somebody does.
@@ -319,7 +319,6 @@ async function showModel(model: Model): Promise<void> {
 
 // What the address asks for comes first, and is what the first attempt is about.
 async function bring(): Promise<void> {
-  isBegun = false;
   try {
     const file = await asked.fetchFile((progress) => showProgress("page", progress));
     if (!file) return;
