@@ -25,17 +25,22 @@ use std::time::Instant;
 /// Steps that are measured after as many that are not.
 const STEPS: usize = 8;
 
-/// Names and milliseconds: a step of the NGF, what it would take if it were products alone, shared evenly by the threads,
-/// a step of the encoder.
+/// Names and milliseconds: a step of the NGF; what it would take if it were products alone, shared evenly by the threads,
+/// of matrices that lie in the cache, and of matrices that come from memory as they do in a step; a step of the encoder.
 pub fn rows() -> Result<Vec<(&'static str, f64)>> {
     let policy = PolicyConfig::named("ngf-pcd").context("the policy of the paper")?;
     let config = DaggerConfig::standard(policy);
     Ok(vec![
         ("ngf_training_step", ngf(&config)?),
-        ("ngf_training_products", products(config.batch)? / config.threads as f64),
+        ("ngf_training_products", products(config.batch, 0)? / config.threads as f64),
+        ("ngf_training_products_cold", products(config.batch, COLD)? / config.threads as f64),
         ("encoder_training_step", encoder(&AutoencoderConfig::standard())?),
     ])
 }
+
+/// Bytes of matrices that no cache holds until they are needed again: a step's weights, moments and gradients are about as
+/// many.
+const COLD: usize = 96 << 20;
 
 /// Median time (ms) of `work`.
 fn time(mut work: impl FnMut() -> Result<()>) -> Result<f64> {
@@ -77,8 +82,9 @@ fn ngf(config: &DaggerConfig) -> Result<f64> {
     })
 }
 
-/// Time (ms) of the products that a step with that many states cannot do without, one after another on one thread.
-fn products(rows: usize) -> Result<f64> {
+/// Time (ms) of the products that a step with that many states cannot do without, one after another on one thread. Each is
+/// measured with pairs of matrices in turn that take so many bytes together, one pair at least.
+fn products(rows: usize, bytes: usize) -> Result<f64> {
     let mut counts: BTreeMap<[usize; 3], usize> = BTreeMap::new();
     let mut add = |m: usize, k: usize, n: usize| *counts.entry([m, k, n]).or_insert(0) += 1;
     for part in PARTS {
@@ -110,12 +116,16 @@ fn products(rows: usize) -> Result<f64> {
     let mut sum = 0.0;
     for ([m, k, n], count) in counts {
         let matrix = |rows, columns| Tensor::rand(-1f32, 1.0, (rows, columns), &Device::Cpu);
-        let (a, b) = (matrix(m, k)?, matrix(k, n)?);
+        let pairs = (bytes / (4 * (m * k + k * n + m * n))).max(1);
+        let pairs = (0..pairs).map(|_| Ok((matrix(m, k)?, matrix(k, n)?)));
+        let pairs = pairs.collect::<Result<Vec<_>>>()?;
         let once = time(|| {
-            std::hint::black_box(a.matmul(&b)?);
+            for (a, b) in &pairs {
+                std::hint::black_box(a.matmul(b)?);
+            }
             Ok(())
         })?;
-        sum += count as f64 * once;
+        sum += count as f64 * once / pairs.len() as f64;
     }
     Ok(sum)
 }
