@@ -1,12 +1,11 @@
 // Puts the models beside the page, for hosts that serve files and nothing else;
 // `ngf serve` has its own.
 
-import { copyFile, mkdir, readFile, stat, writeFile } from "node:fs/promises";
+import { copyFile, mkdir, readdir, readFile, stat, writeFile } from "node:fs/promises";
 import { join } from "node:path";
 import { fileURLToPath } from "node:url";
 import type { Plugin } from "vite";
 
-const IDS = ["default", "paper", "mlp-pcd"];
 const FILES = { weights: "weights.safetensors", starts: "starts.safetensors", config: "config.json" };
 
 export function models(): Plugin {
@@ -19,7 +18,9 @@ export function models(): Plugin {
       folder = join(config.root, config.build.outDir, "models");
     },
     async writeBundle() {
-      const data = await Promise.all(IDS.map((id) => copied(join(from, id), folder, id)));
+      const found = await readdir(from, { withFileTypes: true });
+      const ids = found.filter((entry) => entry.isDirectory()).map(({ name }) => name).sort();
+      const data = await Promise.all(ids.map((id) => copied(join(from, id), folder, id)));
       await writeFile(join(folder, "index.json"), JSON.stringify({ data }));
     },
   };

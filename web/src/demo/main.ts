@@ -35,8 +35,6 @@ import { View, type ViewEvents } from "./view/view";
 import { watch } from "./watch";
 
 let isFirstModel = true;
-// Whether something was put on the table or tried, but for what the address asks for.
-let isBegun = false;
 let objectHash = "";
 // Who acts, once somebody does.
 let acts: Model | null = null;
@@ -52,15 +50,12 @@ const engine = new Engine(useModel(asked.model), receive);
 let wanted = asked.model;
 // What somebody asks for, as the page was opened or since.
 const send = (message: ToWorker) => {
-  if (!PASSIVE.has(message.kind)) opening.stop();
-  if (BEGINNINGS.has(message.kind)) isBegun = true;
+  opening.asked(message.kind);
   uploads.after(() => {
     engine.send(message);
     comparison.send(message);
   });
 };
-const PASSIVE = new Set<ToWorker["kind"]>(["watch", "pause", "resume", "speed"]);
-const BEGINNINGS = new Set<ToWorker["kind"]>(["load", "place", "randomPose", "grasp", "batch", "follow"]);
 const place = (pose: PlanarPose) => send({ kind: "place", pose });
 
 const attempt = new AttemptPanel({
@@ -72,8 +67,7 @@ const pose = new PosePanel(place);
 const objects = new ObjectPicker({
   load,
   upload: (file) => {
-    opening.stop();
-    isBegun = true;
+    opening.brought();
     void uploads.begin(file, saidOf(file));
   },
   corrected: (file, told) => uploads.remember(file, told),
@@ -313,7 +307,7 @@ async function showModel(model: Model): Promise<void> {
   // It was laid down before there was a policy to ask.
   const { file, told, because } = situation;
   if (model.id !== null && because === "wouldFall" && file && told) await uploads.begin(file, told);
-  if (!isFirst || isCalm || arrival || !asked.brings || asked.plays || isBegun) return;
+  if (!isFirst || isCalm || arrival || !asked.brings || asked.plays || opening.isBegun) return;
   whenSeen(() => attempt.grasp());
 }
 
@@ -323,7 +317,7 @@ async function bring(): Promise<void> {
     const file = await asked.fetchFile((progress) => showProgress("page", progress));
     if (!file) return;
     // Whoever has begun something else meanwhile finds it in the list.
-    if (isBegun && !asked.plays) return objects.offer(file);
+    if (opening.isBegun && !asked.plays) return objects.offer(file);
     if (!asked.plays) objects.add(file);
     await uploads.begin(file, saidOf(file));
   } catch (error) {
