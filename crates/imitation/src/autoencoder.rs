@@ -114,13 +114,13 @@ pub(crate) const PIECE: usize = 4;
 const WHITENED: usize = 20_000;
 
 /// Trains on the dataset's clouds and writes `encoder.safetensors` to `out`; continues from a
-/// checkpoint that is there. A watcher may stop it: then nothing but the checkpoint is written.
+/// checkpoint that is there. A watcher may stop it: then nothing but the checkpoint is written, and it says `false`.
 pub fn train(
     dataset: &Dataset,
     config: &AutoencoderConfig,
     out: &Path,
     watcher: &mut dyn Watcher,
-) -> Result<()> {
+) -> Result<bool> {
     let examples = examples(dataset)?;
     if examples.is_empty() {
         bail!("the dataset has no clouds for the encoder");
@@ -141,7 +141,7 @@ pub fn train(
         settings: fit::settings(config, "data", dataset.hash()?)?,
     };
     if !fit.run(&params, &examples, |part| loss(&params, part, config), watcher)? {
-        return Ok(());
+        return Ok(false);
     }
     // Every object has its share.
     let shown = examples.iter().step_by(examples.len().div_ceil(WHITENED));
@@ -149,7 +149,8 @@ pub fn train(
     let latents = encode_all(&params, &shown)?;
     store::write(&out.join("encoder.safetensors"), &params.save()?)?;
     let whitening = store::encode(&whiten(&latents).tensors(), None)?;
-    store::write(&out.join("latent.safetensors"), &whitening)
+    store::write(&out.join("latent.safetensors"), &whitening)?;
+    Ok(true)
 }
 
 /// Mean loss of a part of the batch and its gradient.

@@ -1,4 +1,5 @@
-//! How long full steps of training take, and what their matrix products alone would.
+//! How long a step of the optimiser takes with all networks, and what its matrix products alone would. The expert, the
+//! fingertips and the roll-out, which a step of DAgger has beside it, are left out, as in the peer's.
 
 use crate::autoencoder::{self, AutoencoderConfig, Example};
 use crate::dagger::DaggerConfig;
@@ -8,13 +9,14 @@ use crate::nn::network::{self, Network, Response};
 use crate::nn::ngf::Active;
 use crate::nn::{Params, autoencoder as twin};
 use crate::shards::differentiate;
+use crate::spread::median;
 use crate::step::{self, Batch, Loss};
 use anyhow::{Context, Result};
 use candle_core::{Device, Tensor};
 use policy::PolicyConfig;
 use policy::encoder::{CLOUD, LATENT};
 use policy::fourier::{FEATURES, FREQUENCIES};
-use policy::ngf::{HIDDEN, PARTS, Velocity};
+use policy::ngf::{HIDDEN, PARTS, POTENTIAL, Velocity};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use robot::{DOF, JointState, JointVector, Tree};
@@ -50,9 +52,7 @@ fn time(mut work: impl FnMut() -> Result<()>) -> Result<f64> {
         work()?;
         times.push(begin.elapsed().as_secs_f64() * 1e3);
     }
-    let mut measured = times.split_off(STEPS);
-    measured.sort_by(f64::total_cmp);
-    Ok(measured[STEPS / 2])
+    median(times.split_off(STEPS)).context("nothing was measured")
 }
 
 /// A step of all five networks: features, gradient of ψ, solve, loss, gradients, AdamW.
@@ -87,11 +87,11 @@ fn ngf(config: &DaggerConfig) -> Result<f64> {
 fn products(rows: usize, bytes: usize) -> Result<f64> {
     let mut counts: BTreeMap<[usize; 3], usize> = BTreeMap::new();
     let mut add = |m: usize, k: usize, n: usize| *counts.entry([m, k, n]).or_insert(0) += 1;
-    for part in PARTS {
+    for (index, part) in PARTS.iter().enumerate() {
         let velocity = if part.velocity == Velocity::Absent { 0 } else { DOF };
         add(rows, DOF + velocity + LATENT, FREQUENCIES);
         let widths = [FEATURES, HIDDEN, HIDDEN, HIDDEN, part.outputs];
-        let is_potential = part.outputs == 1 && part.velocity == Velocity::Absent;
+        let is_potential = index == POTENTIAL;
         // ψ itself is not needed: its last layer enters by its weights.
         let layers = if is_potential { 3 } else { 4 };
         for (layer, pair) in widths.windows(2).take(layers).enumerate() {

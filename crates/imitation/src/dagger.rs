@@ -25,7 +25,7 @@ use std::path::Path;
 pub struct DaggerConfig {
     /// Optimiser steps.
     pub steps: u64,
-    /// Of a fabric that is begun anew, share of the steps, the first ones, that train F_ψ alone, with a quarter of the products:
+    /// Of a fabric that is begun anew, share of the steps, the first ones, that train F_ψ alone, with a third of the products:
     /// where to go is most of what there is to learn. The other networks are as they begin meanwhile.
     pub potential_share: f64,
     /// States a step.
@@ -37,6 +37,13 @@ pub struct DaggerConfig {
     pub threads: usize,
     /// Peak learning rate.
     pub rate: f32,
+    /// Steps over which the rate rises to its peak, a tenth of all at most.
+    pub warmup: u64,
+    /// Decoupled weight decay, in units of the rate.
+    pub decay: f32,
+    /// Norm to which the gradient is cut. It is always longer (100 to 5,000): each step counts alike, however far off the
+    /// states of its batch are.
+    pub clip: f32,
     /// Steps that a state is rolled out by the policy before it is drawn anew (H), a quarter more or less. One: behaviour
     /// cloning of noisy states.
     pub horizon: usize,
@@ -53,8 +60,8 @@ pub struct DaggerConfig {
     /// together without changing an acceleration. They did, a millionfold in 6,000 steps, and what was
     /// learned drowned in it.*
     pub metric_weight: f64,
-    /// Share of the drawn states that are what an attempt begins with: a start of the nearest other
-    /// object pose, at rest (paper §III-F).
+    /// Share of the drawn states, once roll-outs have their full length, that are what an attempt begins with: a start of
+    /// one of the nearest other object poses, at rest (paper §III-F).
     pub start_share: f64,
     /// The expert.
     pub gains: Gains,
@@ -79,6 +86,9 @@ impl DaggerConfig {
             rounds: 64,
             threads: 2,
             rate: 5e-4,
+            warmup: 500,
+            decay: 1e-4,
+            clip: 10.0,
             horizon: 90,
             growth: [0.3, 0.6],
             noise: [0.12, 0.1, 0.3],
@@ -105,6 +115,16 @@ impl DaggerConfig {
         })
     }
 
+    /// Learning rate of a step.
+    fn rate_at(&self, step: u64) -> f32 {
+        schedule(step, self.warmup.min(self.steps / 10), self.steps, self.rate)
+    }
+
+    /// Draws states after `step` steps, of which a checkpoint is kept.
+    fn generator(&self, step: u64) -> ChaCha8Rng {
+        ChaCha8Rng::seed_from_u64(self.seed ^ (step + 1) << 20)
+    }
+
     /// Steps of a roll-out that begins where an attempt does: a third more.
     pub(crate) fn start_horizon(&self) -> usize {
         self.horizon + self.horizon / 3
@@ -121,8 +141,8 @@ impl DaggerConfig {
     }
 }
 
-/// Trains a policy, a fresh one or that of the weights `begin`; continues from a checkpoint in
-/// `out`.
+/// Trains a policy, a fresh one or that of the weights `begin`; continues from a checkpoint in `out`. A watcher may stop it:
+/// then there is none.
 pub fn train(
     lessons: &[Lesson],
     tree: &Tree,
@@ -130,7 +150,7 @@ pub fn train(
     begin: Option<&[u8]>,
     out: &Path,
     watcher: &mut dyn Watcher,
-) -> Result<Params> {
+) -> Result<Option<Params>> {
     if !lessons.iter().any(Lesson::is_full) {
         bail!("there are no demonstrations to learn from");
     }
@@ -141,32 +161,28 @@ pub fn train(
     if let Some(weights) = begin {
         params.restore(weights)?;
     }
-    let network = Network::new(&config.policy, &tree.limits)?;
-    let mut adam = AdamW::new(&params, 1e-4);
+    let student =
+        Student { tree, network: Network::new(&config.policy, &tree.limits)?, lessons, config };
+    let mut adam = AdamW::new(&params, config.decay);
     let checkpoint = out.join("policy.checkpoint.safetensors");
     let settings = settings(config, lessons, begin)?;
     let load = crate::checkpoint::load;
-    let under_way =
+    let mut under_way =
         load(&checkpoint, &params, &mut adam, &settings, &mut |text| watcher.warn(text))?;
-    let mut rounds = match under_way[..] {
-        [] => sampler.rounds(config, &mut rng),
-        _ => visits::read(&under_way, config.batch, lessons)?,
-    };
+    if under_way.is_empty() {
+        under_way = visits::write(&sampler.rounds(config, &mut rng));
+    }
+    let mut rounds = visits::read(&under_way, config.batch, lessons)?;
+    let mut rng = config.generator(adam.steps);
     let mut reporter = Reporter::new(config.span);
     while adam.steps < config.steps {
-        if adam.steps.is_multiple_of(config.span) {
-            let under_way = visits::write(&rounds);
-            crate::checkpoint::save(&checkpoint, &params, &adam, &under_way, &settings)?;
-            rounds = visits::read(&under_way, config.batch, lessons)?;
-            rng = ChaCha8Rng::seed_from_u64(config.seed ^ (adam.steps + 1) << 20);
-        }
         let turn = (adam.steps % rounds.len() as u64) as usize;
         let visits: &mut [Visit] = &mut rounds[turn];
         let is_early = (adam.steps as f64) < config.potential_share * config.steps as f64;
         let active = if is_early { Active::Potential } else { Active::All };
-        let outcome = examine(tree, &network, &params, lessons, config, active, visits)?;
-        let rate = schedule(adam.steps, 500, config.steps, config.rate);
-        let norm = adam.step(&params, &outcome.gradients, rate, 10.0, config.threads)?;
+        let outcome = student.differentiate(&params, active, visits)?;
+        let rate = config.rate_at(adam.steps);
+        let norm = adam.step(&params, &outcome.gradients, rate, config.clip, config.threads)?;
         if !norm.is_finite() {
             bail!("the loss is {} at step {}: lower the rate", outcome.loss, adam.steps);
         }
@@ -178,13 +194,19 @@ pub fn train(
             }
         }
         let (step, steps, loss) = (adam.steps, config.steps, outcome.loss);
+        if step.is_multiple_of(config.span) || step == steps {
+            let under_way = visits::write(&rounds);
+            crate::checkpoint::save(&checkpoint, &params, &adam, &under_way, &settings)?;
+            // Whoever is resumed goes on from what is written there, and so does this run.
+            rounds = visits::read(&under_way, config.batch, lessons)?;
+            rng = config.generator(step);
+        }
         let now = Progress { step, steps, loss, gradient: norm, params: &params };
         if !reporter.note(watcher, now)? {
-            return Ok(params);
+            return Ok(None);
         }
     }
-    crate::checkpoint::save(&checkpoint, &params, &adam, &visits::write(&rounds), &settings)?;
-    Ok(params)
+    Ok(Some(params))
 }
 
 /// What a checkpoint must have been made with: the configuration, the lessons, and with what was begun.
@@ -201,36 +223,39 @@ fn settings(
     Ok(settings)
 }
 
-/// Eq. 2: how far the policy is from the expert in the states of a batch, with the gradient.
-fn examine(
-    tree: &Tree,
-    network: &Network,
-    params: &Params,
-    lessons: &[Lesson],
-    config: &DaggerConfig,
-    active: Active,
-    visits: &[Visit],
-) -> Result<Outcome> {
-    let told = |visit: &Visit| &lessons[visit.lesson].encodings[visit.encoding];
-    let states: Vec<JointState> =
-        visits.iter().map(|visit| told(visit).state_in_front(&visit.state)).collect();
-    let objects: Vec<&[f32]> = visits.iter().map(|visit| told(visit).z.as_slice()).collect();
-    let batch = Batch { states: &states, objects: &objects };
-    let lag = config.gains.lag_rows(CONTROL_PERIOD).max(1);
-    let loss = |rows: Range<usize>, response: &Response| {
-        let visits = &visits[rows];
-        let advice = |visit: &Visit| {
-            let target =
-                lessons[visit.lesson].demonstrations.target(&visit.state, lag, config.lead);
-            expert::acceleration(&config.gains, &target, &visit.state)
+/// Who learns, from what and how.
+struct Student<'a> {
+    tree: &'a Tree,
+    network: Network,
+    lessons: &'a [Lesson],
+    config: &'a DaggerConfig,
+}
+
+impl Student<'_> {
+    /// Eq. 2: how far the policy is from the expert in the states of a batch, with the gradient.
+    fn differentiate(&self, params: &Params, active: Active, visits: &[Visit]) -> Result<Outcome> {
+        let Self { tree, network, lessons, config } = self;
+        let told = |visit: &Visit| &lessons[visit.lesson].encodings[visit.encoding];
+        let states: Vec<JointState> =
+            visits.iter().map(|visit| told(visit).state_in_front(&visit.state)).collect();
+        let objects: Vec<&[f32]> = visits.iter().map(|visit| told(visit).z.as_slice()).collect();
+        let batch = Batch { states: &states, objects: &objects };
+        let lag = config.gains.lag_rows(CONTROL_PERIOD).max(1);
+        let loss = |rows: Range<usize>, response: &Response| {
+            let visits = &visits[rows];
+            let advice = |visit: &Visit| {
+                let target =
+                    lessons[visit.lesson].demonstrations.target(&visit.state, lag, config.lead);
+                expert::acceleration(&config.gains, &target, &visit.state)
+            };
+            let wanted: Vec<JointVector> = visits.iter().map(advice).collect();
+            let at: Vec<JointVector> = visits.iter().map(|visit| visit.state.q).collect();
+            let (made, weight) = (&response.accelerations, config.tip_weight);
+            let shown = joint_and_tip_error(tree, &at, made, &wanted, weight)?;
+            Loss::with_metrics(shown, response, config.metric_weight)
         };
-        let wanted: Vec<JointVector> = visits.iter().map(advice).collect();
-        let at: Vec<JointVector> = visits.iter().map(|visit| visit.state.q).collect();
-        let (made, weight) = (&response.accelerations, config.tip_weight);
-        let shown = joint_and_tip_error(tree, &at, made, &wanted, weight)?;
-        Loss::with_metrics(shown, response, config.metric_weight)
-    };
-    step::differentiate(network, params, &batch, active, config.threads, &loss)
+        step::differentiate(network, params, &batch, active, config.threads, &loss)
+    }
 }
 
 #[cfg(test)]
@@ -271,7 +296,8 @@ mod tests {
             let lessons = [lesson(0, 0.0), lesson(1, 0.7)];
             let config = DaggerConfig { steps: 6, batch: 4, potential_share, ..tiny() };
             let mut look_on = |_: &Progress| Ok(true);
-            train(&lessons, &tree, &config, None, folder.path(), &mut look_on).unwrap()
+            let trained = train(&lessons, &tree, &config, None, folder.path(), &mut look_on);
+            trained.unwrap().unwrap()
         };
         let mut fresh = Params::default();
         network::init(&mut fresh, &tiny().policy, &mut ChaCha8Rng::seed_from_u64(0)).unwrap();
@@ -294,15 +320,14 @@ mod tests {
         let config = tiny();
         let mut params = Params::default();
         network::init(&mut params, &config.policy, &mut ChaCha8Rng::seed_from_u64(5)).unwrap();
-        let network = Network::new(&config.policy, &tree.limits).unwrap();
         let loss_at = |turn: f32| {
             let lessons = [lesson(2, turn)];
             let mut state = lessons[0].demonstrations.state(1);
             state.q[3] += 0.05;
             let visit = Visit { lesson: 0, encoding: 1, state, left: 1 };
-            examine(&tree, &network, &params, &lessons, &config, Active::All, &[visit])
-                .unwrap()
-                .loss
+            let network = Network::new(&config.policy, &tree.limits).unwrap();
+            let student = Student { tree: &tree, network, lessons: &lessons, config: &config };
+            student.differentiate(&params, Active::All, &[visit]).unwrap().loss
         };
         let (front, turned) = (loss_at(0.0), loss_at(0.7));
         assert!(front > 1.0 && (front - turned).abs() < 1e-3 * front, "{front}, {turned}");

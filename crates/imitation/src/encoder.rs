@@ -4,7 +4,7 @@ use crate::autoencoder::{encode_all, to_front};
 use crate::nn::{Params, autoencoder as twin};
 use anyhow::{Context, Result};
 use geometry::Vec3;
-use policy::encoder::{WORKSPACE_MIDDLE, WORKSPACE_SCALE};
+use policy::encoder::cloud_of;
 use policy::weights::Tensors;
 use policy::{Encoding, Observation, Whitening, network};
 use rand::SeedableRng;
@@ -52,10 +52,7 @@ impl TrainedEncoder {
     pub fn reconstruct(&self, front: &[Vec3]) -> Result<Vec<Vec3>> {
         let flat: Vec<f32> = front.iter().flat_map(|p| p.to_array()).collect();
         let made = twin::decode(&self.params, &twin::encode(&self.params, &[&flat])?)?;
-        let middle = Vec3::from_array(WORKSPACE_MIDDLE);
-        let points = made.flatten_all()?.to_vec1::<f32>()?;
-        let point = |p: &[f32]| middle + Vec3::from_slice(p) * WORKSPACE_SCALE;
-        Ok(points.chunks_exact(3).map(point).collect())
+        Ok(cloud_of(&made.flatten_all()?.to_vec1::<f32>()?))
     }
 
     /// What a policy is told of clouds (base frame).

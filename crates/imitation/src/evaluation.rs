@@ -1,5 +1,6 @@
 //! Evaluation: attempts by the protocol, counted with the Wilson interval and the reasons of failure.
 
+use crate::spread::median;
 use anyhow::Result;
 use geometry::brought::Stands;
 use geometry::object::Object;
@@ -65,9 +66,8 @@ pub struct Report {
 impl Report {
     /// How far (m) the encoder was off, the median.
     pub fn off(&self) -> Option<f32> {
-        let mut found: Vec<f32> = self.likenesses().map(|likeness| likeness.off).collect();
-        found.sort_by(f32::total_cmp);
-        found.get(found.len() / 2).copied()
+        let off = self.likenesses().map(|likeness| f64::from(likeness.off));
+        median(off.collect()).map(|off| off as f32)
     }
 
     /// What the object looked like most often, of what the model learned from.

@@ -11,6 +11,13 @@ use serde::Serialize;
 use serde_json::Value;
 use std::path::Path;
 
+/// Steps over which the rate rises to its peak, a tenth of all at most.
+const WARMUP: u64 = 200;
+/// Decoupled weight decay, in units of the rate.
+const DECAY: f32 = 1e-4;
+/// Norm to which a gradient is cut.
+const CLIP: f32 = 1.0;
+
 /// How long and how fast.
 pub(crate) struct Fit<'a> {
     /// Optimiser steps.
@@ -53,7 +60,7 @@ impl Fit<'_> {
         gradient: impl Fn(&[&T]) -> Result<Gradient> + Sync,
         watcher: &mut dyn Watcher,
     ) -> Result<bool> {
-        let mut adam = AdamW::new(params, 1e-4);
+        let mut adam = AdamW::new(params, DECAY);
         crate::checkpoint::load(self.checkpoint, params, &mut adam, &self.settings, &mut |text| {
             watcher.warn(text)
         })?;
@@ -63,8 +70,8 @@ impl Fit<'_> {
             let batch: Vec<&T> =
                 (0..self.batch).map(|_| &examples[rng.random_range(0..examples.len())]).collect();
             let gradients = differentiate(&batch, self.piece, self.threads, &gradient)?;
-            let rate = schedule(adam.steps, 200, self.steps, self.rate);
-            let norm = adam.step(params, &gradients, rate, 1.0, self.threads)?;
+            let rate = schedule(adam.steps, WARMUP.min(self.steps / 10), self.steps, self.rate);
+            let norm = adam.step(params, &gradients, rate, CLIP, self.threads)?;
             if !norm.is_finite() {
                 bail!("the loss is {} at step {}: lower the rate", gradients.loss(), adam.steps);
             }

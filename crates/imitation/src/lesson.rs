@@ -44,7 +44,7 @@ impl Lesson {
         })
     }
 
-    /// Adds everything of it to a hash.
+    /// Adds everything that is learned from to a hash.
     pub(crate) fn digest(&self, hasher: &mut blake3::Hasher) {
         hasher.update(&(self.pose as u64).to_le_bytes());
         for Encoding { bearing, z } in &self.encodings {
@@ -68,15 +68,15 @@ impl Lesson {
 }
 
 /// Where the attempts with an object pose may begin.
-pub struct Starts {
+pub struct PoseStarts {
     pose: usize,
     z: Vec<f32>,
     q: Vec<JointVector>,
 }
 
 /// The starts of those lessons that attempts may begin with.
-pub fn starts(lessons: &[Lesson]) -> Vec<Starts> {
-    let of = |lesson: &Lesson| Starts {
+pub fn starts(lessons: &[Lesson]) -> Vec<PoseStarts> {
+    let of = |lesson: &Lesson| PoseStarts {
         pose: lesson.pose,
         z: lesson.encodings[0].z.clone(),
         q: lesson.starts().collect(),
@@ -85,11 +85,12 @@ pub fn starts(lessons: &[Lesson]) -> Vec<Starts> {
 }
 
 /// Gives each lesson the starts of the nearest other object poses, by z, that are grasped alike.
-pub fn introduce(lessons: &mut [Lesson], among: &[Starts]) {
+pub fn introduce(lessons: &mut [Lesson], among: &[PoseStarts]) {
     lessons.par_iter_mut().filter(|lesson| lesson.is_full()).for_each(|lesson| {
         let z = &lesson.encodings[0].z;
-        let distance =
-            |other: &Starts| -> f32 { other.z.iter().zip(z).map(|(a, b)| (a - b) * (a - b)).sum() };
+        let distance = |other: &PoseStarts| -> f32 {
+            other.z.iter().zip(z).map(|(a, b)| (a - b) * (a - b)).sum()
+        };
         let own: Vec<JointVector> = lesson.starts().collect();
         let is_one_of_them = |start: &&JointVector| own.iter().any(|q| (q - *start).norm() < ALIKE);
         let others = among.iter().filter(|other| other.pose != lesson.pose);

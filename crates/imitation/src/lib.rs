@@ -21,6 +21,7 @@ pub mod readout;
 pub mod reconstruction;
 pub mod shards;
 pub mod split;
+pub mod spread;
 pub mod start;
 pub mod step;
 pub mod suite;

@@ -2,6 +2,7 @@
 
 use crate::autoencoder::pose_in_front;
 use crate::encoder::TrainedEncoder;
+use crate::spread::Spread;
 use anyhow::{Context, Result};
 use geometry::object::Object;
 use geometry::symmetry;
@@ -64,21 +65,19 @@ fn fitted(rows: &[(Vec<f32>, [f32; 3])], order: usize) -> Option<Readout> {
     let weights = normal.cholesky()?.solve(&(a.transpose() * targets));
     let told = inputs(test) * weights;
     let quantiles = |of: &dyn Fn(usize, &[f32; 3]) -> f64| {
-        let mut errors: Vec<f64> =
-            test.iter().enumerate().map(|(i, (_, pose))| of(i, pose)).collect();
-        errors.sort_by(f64::total_cmp);
-        [errors[errors.len() / 2], errors[errors.len() * 9 / 10]]
+        let errors = test.iter().enumerate().map(|(i, (_, pose))| of(i, pose)).collect();
+        Spread::of(errors).map(|Spread { median, p90 }| [median, p90])
     };
     let position = quantiles(&|i, pose| {
         let off = DVector::from_fn(2, |k, _| told[(i, k)] - f64::from(pose[k]));
         off.norm()
-    });
+    })?;
     let yaw = quantiles(&|i, pose| {
         let found = libm::atan2(told[(i, 3)], told[(i, 2)]);
         let turn = std::f64::consts::TAU;
         let off = (found - times * f64::from(pose[2])).rem_euclid(turn);
         off.min(turn - off) / times
-    });
+    })?;
     Some(Readout { position, yaw: (order < symmetry::ROUND).then_some(yaw) })
 }
 

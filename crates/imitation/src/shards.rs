@@ -4,9 +4,9 @@ use crate::nn::Params;
 use anyhow::{Result, anyhow};
 use candle_core::Tensor;
 
-/// The mean loss of a part of the batch, and its gradient.
+/// What a part of the batch is differentiated by, its mean loss or what leads there by the chain rule, and its gradient.
 pub struct Gradient {
-    /// Mean loss of the part.
+    /// Its value.
     pub loss: f32,
     /// Gradient of the mean loss by parameter, in the order of the parameters; `None` is zero.
     pub of_params: Vec<Option<Tensor>>,

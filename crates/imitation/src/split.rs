@@ -32,7 +32,7 @@ pub fn lessons(
             }
             let encodings = encoder.observe(observation, &record.clouds)?;
             let ways = Demonstrations::new(record.states, record.offsets).by_grasp();
-            let seen = encodings.chunks_exact(encodings.len() / record.turns.len().max(1));
+            let seen = encodings.chunks_exact((encodings.len() / record.turns.len().max(1)).max(1));
             for (turn, encodings) in record.turns.iter().zip(seen) {
                 let lessons = if is_held_out(index) { &mut held_out } else { &mut taught };
                 lessons.extend(ways.iter().map(|way| Lesson {

@@ -1,4 +1,4 @@
-//! The start model: z and the wanted palm -> where an attempt begins (paper §III-F leaves it for future work).
+//! The start network: z and the wanted palm -> where an attempt begins (paper §III-F leaves it for future work).
 //!
 //! It learns what the look-up of a model answers to what attempts ask, and a page then needs no table.
 
@@ -8,6 +8,7 @@ use crate::loss::joint_and_tip_error;
 use crate::nn::{Params, mlp};
 use crate::shards::Gradient;
 use crate::split::is_held_out;
+use crate::spread::median;
 use crate::watcher::Watcher;
 use anyhow::{Result, bail};
 use candle_core::{Device, Tensor};
@@ -22,7 +23,7 @@ use rand_chacha::ChaCha8Rng;
 use robot::{DOF, Isometry, JointVector, Tree};
 use std::path::Path;
 
-/// How the start model is trained.
+/// How the start network is trained.
 #[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
 pub struct StartConfig {
     /// Optimiser steps.
@@ -112,7 +113,7 @@ pub fn queries(
     Ok([taught, held_out])
 }
 
-/// Trains a start model; continues from a checkpoint in `out`. A watcher may stop it: then there is none.
+/// Trains a start network; continues from a checkpoint in `out`. A watcher may stop it: then there is none.
 pub fn train(
     queries: &[Query],
     tree: &Tree,
@@ -171,7 +172,7 @@ fn digest(queries: &[Query]) -> String {
     hasher.finalize().to_hex().to_string()
 }
 
-/// Median distance of a start model's answers from those of the look-up: joints (rad, norm), and place of the palm (m).
+/// Median distance of a start network's answers from those of the look-up: joints (rad, norm), and place of the palm (m).
 pub fn errors(starts: &Starts, tree: &Tree, queries: &[Query]) -> [f64; 2] {
     let off = |query: &Query| {
         let seen = policy::Encoding { bearing: 0.0, z: query.z.clone() };
@@ -185,10 +186,7 @@ pub fn errors(starts: &Starts, tree: &Tree, queries: &[Query]) -> [f64; 2] {
             all.push(off);
         }
     }
-    all.map(|mut all| {
-        all.sort_by(f64::total_cmp);
-        all.get(all.len() / 2).copied().unwrap_or(f64::NAN)
-    })
+    all.map(|all| median(all).unwrap_or(f64::NAN))
 }
 
 #[cfg(test)]

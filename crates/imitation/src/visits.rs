@@ -129,7 +129,7 @@ pub(crate) mod samples {
     use robot::DOF;
 
     pub(crate) fn tiny() -> DaggerConfig {
-        DaggerConfig::standard(PolicyConfig::tiny())
+        DaggerConfig { rounds: 4, ..DaggerConfig::standard(PolicyConfig::tiny()) }
     }
 
     /// Pose `pose` at bearing `turn`: one demonstration, from q = 0.1 pose, and two clouds.
@@ -227,7 +227,8 @@ mod tests {
     fn what_begins_at_full_length_is_at_every_stage_of_it() {
         let lessons = [lesson(3, 0.0)];
         let limits = Tree::iiwa7_allegro().unwrap().limits;
-        let config = DaggerConfig { horizon: 40, growth: [0.0; 2], start_share: 0.0, ..tiny() };
+        let config =
+            DaggerConfig { rounds: 64, horizon: 40, growth: [0.0; 2], start_share: 0.0, ..tiny() };
         let rounds =
             Sampler::new(&lessons, &limits).rounds(&config, &mut ChaCha8Rng::seed_from_u64(5));
         assert_eq!(rounds.len(), 64);

@@ -9,7 +9,7 @@ pub struct Progress<'a> {
     pub step: u64,
     /// Optimiser steps to do.
     pub steps: u64,
-    /// Mean loss since the last call: of a policy in rad/s², of a start model in rad, of the autoencoder its Chamfer
+    /// Mean loss since the last call: of a policy in rad/s², of a start network in rad, of the autoencoder its Chamfer
     /// distance, in squares of [`policy::encoder::WORKSPACE_SCALE`].
     pub loss: f32,
     /// Norm of the last gradient.

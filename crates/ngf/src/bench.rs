@@ -1,10 +1,11 @@
 //! `ngf bench`: milliseconds of what runs in an attempt, on this machine.
 
-use crate::{engine, environment};
+use crate::engine;
 use anyhow::{Context, Result};
 use dataset::store;
 use geometry::object::Object;
 use imitation::nn::{Params, autoencoder, ngf};
+use imitation::spread::median;
 use policy::ngf::NgfConfig;
 use policy::weights::Tensors;
 use policy::{Encoder, LATENT, Ngf, Whitening};
@@ -26,7 +27,7 @@ pub(crate) struct Options {
     quiet: bool,
     /// Measure the steps of training instead, on two threads.
     #[arg(long)]
-    learning: bool,
+    pub(crate) learning: bool,
 }
 
 /// One measurement: the median over its repeats.
@@ -39,9 +40,6 @@ pub(crate) struct Row {
 
 /// Measures, prints and writes. Weights are random: their values do not change the time.
 pub(crate) fn run(options: &Options) -> Result<()> {
-    if options.learning {
-        environment::begin_anew()?;
-    }
     let rows = if options.learning { learning()? } else { acting()? };
     for row in rows.iter().filter(|_| !options.quiet) {
         println!("{:32} {:8.3} {}", row.name, row.value, row.unit);
@@ -98,7 +96,7 @@ fn acting() -> Result<Vec<Row>> {
             ticks.push(begin.elapsed().as_secs_f64() * 1e3);
         }
     }
-    rows.push(Row { name: "physics_tick_in_contact_native", value: median(ticks), unit: "ms" });
+    rows.push(Row { name: "physics_tick_in_contact_native", value: middle(ticks), unit: "ms" });
     let home = robot::JointState::at_rest(robot.config.home());
     let mut scene = Scene::new(&robot.config, &robot.tree, &object, &pose, &home.q)?;
     let mut step = row("physics_step_home", 200, || scene.follow(&home, &home));
@@ -108,16 +106,15 @@ fn acting() -> Result<Vec<Row>> {
     Ok(rows)
 }
 
+fn middle(values: Vec<f64>) -> f64 {
+    median(values).unwrap_or(f64::NAN)
+}
+
 fn row(name: &'static str, repeats: usize, mut work: impl FnMut()) -> Row {
     let time = |_| {
         let begin = Instant::now();
         work();
         begin.elapsed().as_secs_f64() * 1e3
     };
-    Row { name, value: median((0..repeats).map(time).collect()), unit: "ms" }
-}
-
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
+    Row { name, value: middle((0..repeats).map(time).collect()), unit: "ms" }
 }

@@ -1,7 +1,7 @@
 //! `ngf examine`: free roll-outs of a policy on the poses of a dataset, object by object: does it know what it was
 //! taught, and what lies between?
 
-use crate::train::{Spread, read_model};
+use crate::train::read_model;
 use ::policy::Network;
 use ::policy::weights::Tensors;
 use anyhow::Result;
@@ -10,6 +10,7 @@ use imitation::encoder::TrainedEncoder;
 use imitation::free_rollout::fingertip_errors;
 use imitation::lesson::Lesson;
 use imitation::split;
+use imitation::spread::Spread;
 use robot::Tree;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -48,16 +49,13 @@ pub(crate) fn run(options: &Options) -> Result<()> {
             let every = lessons.len().div_ceil(options.lessons.max(1)).max(1);
             let lessons: Vec<&Lesson> = lessons.into_iter().step_by(every).collect();
             let errors = fingertip_errors(&tree, &network, &lessons);
-            print_spread(&errors);
-            all.extend(errors);
+            all.extend(&errors);
+            print_spread(errors);
         }
         println!();
     }
     print!("{:18}", "all");
-    for errors in &mut all {
-        errors.sort_by(f64::total_cmp);
-        print_spread(errors);
-    }
+    all.into_iter().for_each(print_spread);
     println!();
     Ok(())
 }
@@ -71,10 +69,11 @@ fn poses_taught(model: &Path) -> usize {
 }
 
 /// Median, 9 of 10, and how many there are.
-fn print_spread(sorted: &[f64]) {
-    match Spread::of(sorted) {
+fn print_spread(errors: Vec<f64>) {
+    let count = errors.len();
+    match Spread::of(errors) {
         Some(Spread { median, p90 }) => {
-            print!(" {:6.1} {:6.1} ({:3})", 1e3 * median, 1e3 * p90, sorted.len());
+            print!(" {:6.1} {:6.1} ({count:3})", 1e3 * median, 1e3 * p90);
         }
         None => print!(" {:>19}", "none"),
     }

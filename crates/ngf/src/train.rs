@@ -6,12 +6,13 @@ mod log;
 mod policy;
 mod start;
 
-pub(crate) use exam::Spread;
 pub(crate) use policy::read_model;
 
-use crate::environment;
 use anyhow::{Result, bail};
 use std::path::{Path, PathBuf};
+
+/// A training's watcher may end it, though none does here.
+const STOPPED: &str = "it was stopped on the way";
 
 /// What to train.
 #[derive(clap::Subcommand)]
@@ -20,7 +21,7 @@ pub(crate) enum Options {
     Encoder(Run),
     /// The policy, on a dataset's demonstrations, with the encoder in the same folder.
     Policy(policy::Options),
-    /// A start model, which takes the place of a model's table of starts.
+    /// A start network, which takes the place of a model's table of starts.
     Start(start::Options),
 }
 
@@ -88,7 +89,6 @@ fn refuse_same(from: &Path, out: &Path) -> Result<()> {
 }
 
 pub(crate) fn run(options: &Options) -> Result<()> {
-    environment::begin_anew()?;
     match options {
         Options::Encoder(run) => encoder::train(run),
         Options::Policy(options) => policy::train(options),

@@ -23,8 +23,13 @@ fn a_suite_counts_once_and_every_failure_can_be_replayed() {
         std::fs::copy(root().join("models/default").join(file), model.join(file)).unwrap();
     }
     let [models, out_text] = [&models, &out].map(|path| path.to_str().unwrap());
+    let data = folder.path().join("data");
+    let data = data.to_str().unwrap();
+    assert!(ngf(&["dataset", "--preset", "smoke", "--out", data]).status.success());
     let arguments = [
         "suite",
+        "--data",
+        data,
         "--models",
         models,
         "--objects",
@@ -37,7 +42,9 @@ fn a_suite_counts_once_and_every_failure_can_be_replayed() {
     let first = ngf(&arguments);
     assert!(first.status.success(), "{}", String::from_utf8_lossy(&first.stderr));
     let table = std::fs::read_to_string(out.join("suite.md")).unwrap();
-    for who in ["ngf-pcd", "planner", "no policy", "shuffled z", "zero z", "friction 0"] {
+    for who in
+        ["ngf-pcd", "planner", "play-back", "no policy", "shuffled z", "zero z", "friction 0"]
+    {
         assert!(table.contains(&format!("| {who} |")), "{table}");
     }
     assert!(table.contains("| friction 0 | 0 of 2 "), "{table}");

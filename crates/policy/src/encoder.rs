@@ -21,7 +21,7 @@ pub const CENTERS: usize = 128;
 pub const NEIGHBORS: usize = 16;
 /// Scale (m) of offsets within a neighbourhood.
 pub const LOCAL_SCALE: f32 = 0.02;
-/// Middle of the workspace (m), base frame, and the scale of positions about it.
+/// Middle of the workspace (m), base frame.
 pub const WORKSPACE_MIDDLE: [f32; 3] = [0.6, 0.0, -0.15];
 /// Scale (m) of positions in the workspace.
 pub const WORKSPACE_SCALE: f32 = 0.2;
@@ -134,13 +134,15 @@ impl Decoder {
 
     /// The cloud, turned to the front, that a whitened z stands for.
     pub fn decode(&self, z: &[f32]) -> Vec<Vec3> {
-        let points = self.mlp.apply(&self.whitening.undo(z));
-        let middle = Vec3::from_array(WORKSPACE_MIDDLE);
-        points
-            .chunks_exact(3)
-            .map(|p| middle + Vec3::new(p[0], p[1], p[2]) * WORKSPACE_SCALE)
-            .collect()
+        cloud_of(&self.mlp.apply(&self.whitening.undo(z)))
     }
+}
+
+/// The cloud (m, base frame) whose positions in the workspace a decoder gives one after another.
+pub fn cloud_of(positions: &[f32]) -> Vec<Vec3> {
+    let middle = Vec3::from_array(WORKSPACE_MIDDLE);
+    let points = positions.chunks_exact(3);
+    points.map(|p| middle + Vec3::from_slice(p) * WORKSPACE_SCALE).collect()
 }
 
 /// Layers with the activation after the last one too.

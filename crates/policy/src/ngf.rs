@@ -121,6 +121,17 @@ pub const PARTS: [Part; 5] = [
     Part { name: "damping", velocity: Velocity::Full, outputs: 1 },
 ];
 
+/// Index of F_g among [`PARTS`].
+pub const GEOMETRY_METRIC: usize = 0;
+/// Index of F_χ.
+pub const GEOMETRY: usize = 1;
+/// Index of F_f.
+pub const DRIVING_METRIC: usize = 2;
+/// Index of F_ψ.
+pub const POTENTIAL: usize = 3;
+/// Index of F_β.
+pub const DAMPING: usize = 4;
+
 impl Part {
     /// The Fourier features of this network: q first, then velocity, then the `object` numbers of z.
     pub fn fourier(&self, config: &NgfConfig, object: usize, index: usize) -> Fourier {
@@ -183,23 +194,23 @@ impl Ngf {
         let features =
             |i: usize| self.networks[i].0.features(&inputs(&PARTS[i], &self.limits, state, z));
         let apply = |i: usize| self.networks[i].1.apply(&features(i));
-        let (fourier, potential) = &self.networks[3];
-        let at = features(3);
+        let (fourier, potential) = &self.networks[POTENTIAL];
+        let at = features(POTENTIAL);
         let gradient = fourier.pull_back(&at, &potential.gradient(&at), DOF);
         // q is normalised over its range, which spans two units.
         let per_radian = (self.limits.upper - self.limits.lower).map(|range| 2.0 / range as f32);
         let bowl = (state.q - JointVector::from(self.config.rest)) * self.config.bowl;
         Outputs {
-            geometry_metric: apply(0),
-            geometry: apply(1),
-            driving_metric: apply(2),
+            geometry_metric: apply(GEOMETRY_METRIC),
+            geometry: apply(GEOMETRY),
+            driving_metric: apply(DRIVING_METRIC),
             potential_gradient: gradient
                 .iter()
                 .zip(&per_radian)
                 .zip(&bowl)
                 .map(|((g, slope), bowl)| g * self.config.potential_scale * slope + *bowl as f32)
                 .collect(),
-            damping: apply(4)[0],
+            damping: apply(DAMPING)[0],
         }
     }
 
@@ -211,10 +222,11 @@ impl Ngf {
 
     /// The potential ψ(q, z): bowl and network.
     pub fn potential(&self, state: &JointState, z: &[f32]) -> f32 {
-        let (fourier, mlp) = &self.networks[3];
+        let (fourier, mlp) = &self.networks[POTENTIAL];
         let bowl =
             0.5 * self.config.bowl * (state.q - JointVector::from(self.config.rest)).norm_squared();
-        let network = mlp.apply(&fourier.features(&inputs(&PARTS[3], &self.limits, state, z)))[0];
+        let network =
+            mlp.apply(&fourier.features(&inputs(&PARTS[POTENTIAL], &self.limits, state, z)))[0];
         bowl as f32 + self.config.potential_scale * network
     }
 }

@@ -10,7 +10,9 @@ use anyhow::Result;
 use candle_core::{DType, Device, Tensor};
 use policy::fourier::{FREQUENCIES, Fourier};
 use policy::mlp::Activation;
-use policy::ngf::{NgfConfig, PARTS, inputs};
+use policy::ngf::{
+    DAMPING, DRIVING_METRIC, GEOMETRY, GEOMETRY_METRIC, NgfConfig, PARTS, POTENTIAL, inputs,
+};
 use rand_chacha::ChaCha8Rng;
 use robot::{DOF, JointState, JointVector, Limits};
 use std::ops::Range;
@@ -19,8 +21,6 @@ use std::ops::Range;
 const FIRST_DAMPING: f32 = 50.0;
 /// Layers of each network.
 const LAYERS: usize = 4;
-/// Index of F_ψ among the parts.
-const POTENTIAL: usize = 3;
 
 /// The five networks' fixed projections.
 pub struct Ngf {
@@ -60,7 +60,7 @@ pub fn init(params: &mut Params, config: &NgfConfig, rng: &mut ChaCha8Rng) -> Re
         params.add_mlp(part.name, &part.widths(config), last, rng)?;
     }
     // Damping begins at that of the expert instead of at one thirtieth of it: M begins near 2 I.
-    let last = format!("{}.{}.bias", PARTS[4].name, LAYERS - 1);
+    let last = format!("{}.{}.bias", PARTS[DAMPING].name, LAYERS - 1);
     params.add(&last, &[1], vec![FIRST_DAMPING])
 }
 
@@ -97,7 +97,11 @@ impl Ngf {
             Piece { part, columns: end - width..end, passes }
         };
         // As `Head` takes them.
-        [0, 2, 1, POTENTIAL, 4].map(&mut piece).into_iter().filter(takes_part).collect()
+        [GEOMETRY_METRIC, DRIVING_METRIC, GEOMETRY, POTENTIAL, DAMPING]
+            .map(&mut piece)
+            .into_iter()
+            .filter(takes_part)
+            .collect()
     }
 
     /// What a network says, shape (B, columns of the piece); of F_ψ its slope ∂ψ/∂q.

@@ -2,6 +2,7 @@
 
 use super::{Suite, paired};
 use crate::evaluation::{Report, Row};
+use crate::spread::median;
 use std::fmt::Write;
 
 /// What was tried, the counts, the comparisons with the first policy, how they moved, and why they failed.
@@ -42,9 +43,8 @@ pub fn table(suite: &Suite) -> String {
     row(&mut text, "---", head.map(|_| "---".to_owned()).into_iter());
     for report in &suite.reports {
         let of = |value: &dyn Fn(&Row) -> Option<f64>| {
-            let mut values: Vec<f64> = report.rows.iter().filter_map(value).collect();
-            values.sort_by(f64::total_cmp);
-            values.get(values.len() / 2).map_or(none(), |median| format!("{median:.1}"))
+            let values = report.rows.iter().filter_map(value).collect();
+            median(values).map_or(none(), |median| format!("{median:.1}"))
         };
         let reasons: Vec<String> = report
             .failures

@@ -1,8 +1,8 @@
 //! The autoencoder, and what it is worth afterwards.
 
-use super::Run;
 use super::log::Log;
-use anyhow::Result;
+use super::{Run, STOPPED};
+use anyhow::{Result, bail};
 use dataset::Dataset;
 use dataset::generate::built_in_object;
 use dataset::store;
@@ -26,7 +26,9 @@ pub(super) fn train(run: &Run) -> Result<()> {
     config.span = run.checkpoint.map_or(config.span, |steps| steps as u64);
     let dataset = Dataset::open(&run.data)?;
     let mut log = Log::open(&run.out, "encoder", "chamfer", config.batch)?;
-    autoencoder::train(&dataset, &config, &run.out, &mut log)?;
+    if !autoencoder::train(&dataset, &config, &run.out, &mut log)? {
+        bail!(STOPPED);
+    }
     examine(&run.out, &dataset.config.encoder_objects)
 }
 

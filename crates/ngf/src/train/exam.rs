@@ -7,6 +7,7 @@ use imitation::evaluation::evaluate;
 use imitation::free_rollout::{fingertip_errors, greatest_damping};
 use imitation::lesson::Lesson;
 use imitation::model_files::ModelFiles;
+use imitation::spread::Spread;
 use policy::weights::Tensors;
 use policy::{Network, PolicyConfig};
 use robot::Tree;
@@ -48,21 +49,6 @@ pub(super) struct Found {
     lifted: usize,
 }
 
-/// Median and 9 of 10.
-#[derive(serde::Serialize)]
-pub(crate) struct Spread {
-    pub(crate) median: f64,
-    pub(crate) p90: f64,
-}
-
-impl Spread {
-    /// Of sorted values, if there are any.
-    pub(crate) fn of(sorted: &[f64]) -> Option<Self> {
-        let at = |tenths: usize| sorted.get(sorted.len() * tenths / 10).copied();
-        Some(Self { median: at(5)?, p90: at(9)? })
-    }
-}
-
 impl Exam {
     pub(super) fn new(names: &[String], threads: usize) -> Result<Self> {
         let known = |name: &String| Some((name.clone(), built_in_object(name).ok()?));
@@ -91,7 +77,7 @@ impl Exam {
         for (label, lessons) in lessons {
             let shown = spread(lessons);
             let errors = self.threads.install(|| fingertip_errors(tree, &network, &shown));
-            if let Some(spread) = Spread::of(&errors) {
+            if let Some(spread) = Spread::of(errors) {
                 fingertip_error_m.insert(label, spread);
             }
         }

@@ -2,7 +2,7 @@
 
 use super::exam::Exam;
 use super::log::Log;
-use super::{Run, at_least_one, refuse_same, share};
+use super::{Run, STOPPED, at_least_one, refuse_same, share};
 use crate::report;
 use ::policy::PolicyConfig;
 use ::policy::model::ModelConfig;
@@ -121,7 +121,8 @@ pub(super) fn train(options: &Options) -> Result<()> {
     };
     let begin = begin.as_ref().map(|(weights, _)| weights.as_slice());
     let tree = examiner.exam.tree().clone();
-    let params = dagger::train(&taught, &tree, &config, begin, &run.out, &mut examiner)?;
+    let trained = dagger::train(&taught, &tree, &config, begin, &run.out, &mut examiner)?;
+    let params = trained.context(STOPPED)?;
     write_model(&run.out, &encoder, &params, &config, &taught)
 }
 

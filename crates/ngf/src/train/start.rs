@@ -1,8 +1,8 @@
-//! A start model in place of the table of starts of a model.
+//! A start network in place of the table of starts of a model.
 
 use super::log::Log;
 use super::policy::read_file;
-use super::{Run, refuse_same};
+use super::{Run, STOPPED, refuse_same};
 use anyhow::{Context, Result};
 use dataset::Dataset;
 use dataset::generate::built_in_object;
@@ -14,7 +14,7 @@ use policy::model::ModelConfig;
 use policy::{Starts, WeightsError};
 use std::path::PathBuf;
 
-/// What only the start model knows.
+/// What only the start network knows.
 #[derive(clap::Args)]
 pub(crate) struct Options {
     #[command(flatten)]
@@ -59,7 +59,7 @@ pub(super) fn train(options: &Options) -> Result<()> {
     println!("{} queries to learn from; {} held out", taught.len(), held_out.len());
     let mut log = Log::open(&run.out, "start", "loss (rad)", config.batch)?;
     let trained = start::train(&taught, &robot.tree, &config, &run.out, &mut log)?;
-    let params = trained.context("it was stopped on the way")?;
+    let params = trained.context(STOPPED)?;
     let bytes = params.export(&[])?;
     let starts = load(&bytes).context("what was trained")?;
     for (label, queries) in [("taught", &taught), ("held out", &held_out)] {
