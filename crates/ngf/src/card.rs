@@ -2,13 +2,14 @@
 
 use anyhow::{Context, Result};
 use dataset::store;
+use geometry::object::Object;
 use imitation::evaluation::Report;
 use serde_json::{Map, Value, json};
 use std::path::Path;
 
 /// Puts reports into a card: each replaces that of the same policy, object and seed, unless that one is of more attempts.
-/// What was said of other weights goes,
-/// and counts of another scene; the rest stays as it was.
+/// What was said of other weights goes, and counts of another scene or of a built-in object that was another then; the
+/// rest stays as it was.
 pub(crate) fn update(path: &Path, reports: &[Report]) -> Result<()> {
     let mut card: Map<String, Value> = match std::fs::read(path) {
         Ok(bytes) => serde_json::from_slice(&bytes).with_context(|| {
@@ -29,6 +30,11 @@ pub(crate) fn update(path: &Path, reports: &[Report]) -> Result<()> {
             card.clear();
         }
         entries.retain(|other| same(other, &["model_hash", "scene_hash"]));
+        // A mesh may be tried with one mass and with another.
+        let is_fixed = Object::built_in(&report.object).is_some();
+        let is_other = |other: &Value| !same(other, &["object_hash"]);
+        entries
+            .retain(|other| !(is_fixed && same(other, &["policy", "object"]) && is_other(other)));
         let keys = ["policy", "object", "object_hash", "seed"];
         let attempts = |entry: &Value| entry["attempts"].as_u64().unwrap_or_default();
         let is_known = |other: &Value| same(other, &keys) && attempts(other) > attempts(&entry);
@@ -84,6 +90,18 @@ mod tests {
         update(&path, &[Report { attempts: 5, ..report("policy", 1) }]).unwrap();
         let same: Value = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
         assert_eq!(same, card);
+        let mesh = |hash: &str| Report {
+            object: "mug.stl".into(),
+            object_hash: hash.into(),
+            ..report("policy", 2)
+        };
+        update(&path, &[mesh("light"), mesh("heavy")]).unwrap();
+        let reshaped = Report { object_hash: "other".into(), ..report("policy", 4) };
+        update(&path, &[reshaped]).unwrap();
+        let card: Value = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
+        let found = card["evaluation"].as_array().unwrap();
+        let lifted: Vec<_> = found.iter().map(|entry| entry["lifted"].as_u64().unwrap()).collect();
+        assert_eq!(lifted, [1, 2, 2, 4], "the box has another shape, the mug two masses");
         let other = Report { model_hash: Some("new".into()), ..report("policy", 9) };
         update(&path, &[other]).unwrap();
         let card: Value = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();

@@ -198,8 +198,19 @@ pub(crate) fn print(report: &Report) {
 
 /// Loads a model from models/NAME or from a folder; gives the hash of its files.
 pub(crate) fn load(workcell: &mut Workcell, model: &str) -> Result<String> {
-    let named = Path::new("models").join(model);
-    let folder = if named.is_dir() { named } else { PathBuf::from(model) };
+    let (named, folder) = (Path::new("models").join(model), Path::new(model));
+    // `./NAME` is a folder.
+    if model.contains(std::path::is_separator) || !named.is_dir() {
+        return load_folder(workcell, folder);
+    }
+    if folder.join("config.json").exists() {
+        bail!("{model} is a model here and in models/; say ./{model} or models/{model}");
+    }
+    load_folder(workcell, &named)
+}
+
+/// Loads the model of a folder; gives the hash of its files.
+pub(crate) fn load_folder(workcell: &mut Workcell, folder: &Path) -> Result<String> {
     let read = |file: &str| {
         let path = folder.join(file);
         std::fs::read(&path).with_context(|| {

@@ -41,7 +41,7 @@ enum Command {
     Grasps(grasps::Options),
     /// Make demonstrations and clouds, or look into a dataset.
     Dataset(dataset::Options),
-    /// Train encoder and policy.
+    /// Train an encoder, a policy or a start network.
     #[command(subcommand)]
     Train(train::Options),
     /// Run attempts by the protocol and count them.
@@ -62,7 +62,9 @@ fn main() -> std::process::ExitCode {
     if !matches!(command, Command::Serve(_)) && !report::is_asked() {
         sigpipe::reset();
     }
-    let result = report::begin().and_then(|()| run(&command));
+    // A report tells of one process from its beginning.
+    let ready = if trains(&command) { environment::begin_anew() } else { Ok(()) };
+    let result = ready.and_then(|()| report::begin()).and_then(|()| run(&command));
     report::end(&result);
     match result {
         Ok(()) => std::process::ExitCode::SUCCESS,
@@ -71,6 +73,11 @@ fn main() -> std::process::ExitCode {
             std::process::ExitCode::from(2)
         }
     }
+}
+
+/// Whether it needs the environment of training.
+fn trains(command: &Command) -> bool {
+    matches!(command, Command::Train(_) | Command::Bench(bench::Options { learning: true, .. }))
 }
 
 fn run(command: &Command) -> anyhow::Result<()> {

@@ -1,6 +1,6 @@
 //! `ngf suite`: the paper's comparison in one command; a run that was stopped goes on.
 
-use crate::evaluate::{load, seeds};
+use crate::evaluate::{load_folder, seeds};
 use crate::objects::{self, Heaviness, Subject};
 use crate::train::{at_least_one, read_model};
 use anyhow::{Context, Result, bail};
@@ -63,10 +63,12 @@ pub(crate) fn run(options: &Options) -> Result<()> {
     }
     let contestants = contestants(&options.models, options.data.as_deref())?;
     let policies = contestants.iter().filter(|who| POLICIES.contains(&who.label.as_str())).count();
+    let program = std::env::current_exe().context("where this program is")?;
+    let program = hash_of(&[&std::fs::read(&program)?]);
     let mut found = Suite::default();
     let mut workcell = Workcell::new()?;
     for who in &contestants {
-        let model_hash = load(&mut workcell, &who.model.to_string_lossy())?;
+        let model_hash = load_folder(&mut workcell, &who.model)?;
         for Subject { name, object, stands } in &objects {
             let acts_by = match (&who.controller, &who.demonstrations) {
                 (Controller::Planner, _) => {
@@ -80,7 +82,7 @@ pub(crate) fn run(options: &Options) -> Result<()> {
                 }
                 _ => model_hash.clone(),
             };
-            let cell = Cell { options, who, name, acts_by: &acts_by };
+            let cell = Cell { options, who, name, acts_by: &acts_by, program: &program };
             let report = cell.report(&workcell, object)?;
             found.reports.push(Report { stands: *stands, ..report });
         }
@@ -177,18 +179,28 @@ fn object(text: &str) -> Result<Subject> {
     }
 }
 
+/// A report, and the hash of the program that made it: another one may try otherwise.
+#[derive(serde::Serialize, serde::Deserialize)]
+struct Kept {
+    #[serde(default)]
+    program: String,
+    #[serde(flatten)]
+    report: Report,
+}
+
 /// One policy on one object.
 struct Cell<'a> {
     options: &'a Options,
     who: &'a Contestant,
     name: &'a str,
     acts_by: &'a str,
+    program: &'a str,
 }
 
 impl Cell<'_> {
     /// The report that is there, if it is of the same things, or a new one.
     fn report(&self, workcell: &Workcell, object: &Object) -> Result<Report> {
-        let Self { options, who, name, acts_by } = self;
+        let Self { options, who, name, acts_by, program } = self;
         let object = match who.friction {
             Some(friction) => object.clone().with_friction(friction),
             None => object.clone(),
@@ -196,9 +208,10 @@ impl Cell<'_> {
         let words = format!("{}-{name}", who.label.replace(' ', "-"));
         let path = options.out.join("cells").join(format!("{words}.json"));
         if let Ok(bytes) = std::fs::read(&path) {
-            let known: Report = serde_json::from_slice(&bytes)
+            let Kept { program: of, report: known } = serde_json::from_slice(&bytes)
                 .with_context(|| format!("{} is damaged: delete it", path.display()))?;
-            let is_same = known.object_hash == object.hash()
+            let is_same = of == *program
+                && known.object_hash == object.hash()
                 && known.scene_hash == scene::config::scene_hash()
                 && known.model_hash.as_deref() == Some(*acts_by)
                 && (known.seed, known.attempts) == (options.seed, options.attempts);
@@ -239,7 +252,8 @@ impl Cell<'_> {
         let report =
             Report { policy: who.label.clone(), model_hash: Some((*acts_by).to_owned()), ..found };
         crate::evaluate::print(&report);
-        store::write(&path, &serde_json::to_vec_pretty(&report)?)?;
-        Ok(report)
+        let kept = Kept { program: (*program).to_owned(), report };
+        store::write(&path, &serde_json::to_vec_pretty(&kept)?)?;
+        Ok(kept.report)
     }
 }
