@@ -201,13 +201,20 @@ fn is_path(word: &str) -> bool {
 
 #[test]
 fn paths_in_the_documents_exist() {
-    for document in ["ARCHITECTURE.md", "README.md", "assets/README.md", "docs/departures.md"] {
+    for document in [
+        "ARCHITECTURE.md",
+        "README.md",
+        "assets/README.md",
+        "docs/departures.md",
+        "docs/results.md",
+    ] {
         let text = read_to_string(root().join(document)).unwrap();
         let paths: Vec<&str> =
             in_backticks(&text).into_iter().filter(|word| is_path(word)).collect();
         assert!(!paths.is_empty(), "{document} names no path");
         // Links of Markdown lead to files too.
-        let links = text.split("](").skip(1).filter_map(|rest| rest.split(')').next());
+        let links = text.split("](").skip(1).filter_map(|rest| rest.split([')', '#']).next());
+        let links = links.filter(|link| !link.is_empty());
         for path in paths.into_iter().chain(links.filter(|link| !link.contains("://"))) {
             // From the root, or from where the document lies.
             let near = root().join(document).with_file_name(path);
