@@ -282,19 +282,34 @@ mod tests {
             println!("skipped: NGF_SCANS is not set");
             return;
         };
+        let mut seen = 0;
         for entry in std::fs::read_dir(folder).unwrap() {
             let path = entry.unwrap().path();
             let bytes = std::fs::read(&path).unwrap();
             let Ok(import) = mesh::import(&bytes, None) else { continue };
+            seen += 1;
             let height = import.mesh.extent().z;
             let found = read("scan.obj", &bytes, Told::default(), &mut ()).unwrap();
             println!("{path:?}: {:?}, {} of {height} m high", found.stands, found.object.size().z);
             assert!((found.object.size().z - height).abs() < 0.03 * height, "{path:?}");
         }
+        assert!(seen > 0, "NGF_SCANS has no scans");
     }
 
     #[test]
     fn what_would_fall_over_lies_on_its_steadiest_side_or_as_its_guide_has_it() {
+        // On an edge nothing stands, whichever it is.
+        for raised in
+            [[[40, 60], [40, 0]], [[40, 60], [0, 60]], [[0, 60], [0, 0]], [[40, 0], [0, 0]]]
+        {
+            let raise = |text: String, [x, y]: [i32; 2]| {
+                text.replace(&format!("v {x} {y} 0\n"), &format!("v {x} {y} 90\n"))
+            };
+            let tilted = raised.into_iter().fold(BOX.to_owned(), raise);
+            assert_ne!(tilted, BOX);
+            let lying = read("box.obj", tilted.as_bytes(), Told::default(), &mut ()).unwrap();
+            assert_eq!(lying.stands.1, Because::WouldFall, "{raised:?}");
+        }
         let tilted = BOX.replace("v 40 60 0", "v 40 60 90").replace("v 40 0 0", "v 40 0 90");
         let lying = read("box.obj", tilted.as_bytes(), Told::default(), &mut ()).unwrap();
         assert_eq!(lying.stands, (Stands::On(0), Because::WouldFall));

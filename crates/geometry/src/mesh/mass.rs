@@ -22,7 +22,7 @@ pub struct Solid {
 /// Points of the hull that stands in for a mesh, or that its volume is compared with.
 const HULL_POINTS: usize = 2000;
 /// A mesh may exceed the volume of that hull by this factor: the hull leaves out a little of round things.
-const HULL_SLACK: f64 = 1.01;
+pub(super) const HULL_SLACK: f64 = 1.01;
 
 /// Weighs the mesh if it is watertight and its volume lies between none and its hull's, else its hull.
 pub fn solid(mesh: &Mesh, watertight: bool) -> Result<Solid, MeshError> {

@@ -1,6 +1,6 @@
 //! What a mesh file turned out to be, for whoever gave it.
 
-use super::{Import, MeshError, Unit, solid};
+use super::{Import, MeshError, solid};
 use serde::Serialize;
 
 /// What was found out about a mesh file.
@@ -39,7 +39,7 @@ impl Report {
         let left_out = healing.degenerate_triangles + healing.duplicate_triangles;
         Ok(Self {
             extent_m: mesh.extent().to_array(),
-            unit: unit.unit.singular(),
+            unit: unit.unit.name(),
             reason: unit.reason.clone(),
             simplified_from: simplified.map(|simplified| simplified.from),
             triangles: mesh.triangles.len(),
@@ -50,18 +50,6 @@ impl Report {
             volume_m3: solid.volume,
             weighed_by_hull: solid.from_hull,
         })
-    }
-}
-
-impl Unit {
-    /// Its name.
-    fn singular(self) -> &'static str {
-        match self {
-            Self::Metre => "metre",
-            Self::Centimetre => "centimetre",
-            Self::Millimetre => "millimetre",
-            Self::Inch => "inch",
-        }
     }
 }
 

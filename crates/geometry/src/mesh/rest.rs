@@ -102,10 +102,11 @@ fn rest(hull: &Mesh, normal: DVec3, center: DVec3, bears: f64) -> Option<Rest> {
                 .map(side)
                 .fold((0.0_f64, 0.0_f64), |(low, high), s| (low.min(s), high.max(s)));
             let inside = side(&[0.0, 0.0]);
-            // An edge has all corners on one side.
-            if least > -1e-6 * size {
+            // An edge has all corners on one side, and some of them off its line: on a line nothing stands.
+            let off = 1e-6 * size;
+            if least > -off && most > off {
                 margin = margin.min(inside);
-            } else if most < 1e-6 * size {
+            } else if most < off && least < -off {
                 margin = margin.min(-inside);
             }
         }

@@ -82,6 +82,16 @@ impl Unit {
         }
     }
 
+    /// Its name.
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::Metre => "metre",
+            Self::Centimetre => "centimetre",
+            Self::Millimetre => "millimetre",
+            Self::Inch => "inch",
+        }
+    }
+
     fn plural(self) -> &'static str {
         match self {
             Self::Metre => "metres",
@@ -94,12 +104,7 @@ impl Unit {
 
 impl fmt::Display for Unit {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Metre => "metre",
-            Self::Centimetre => "centimetre",
-            Self::Millimetre => "millimetre",
-            Self::Inch => "inch",
-        })
+        f.write_str(self.name())
     }
 }
 
