@@ -221,7 +221,7 @@ impl Engine {
     /// Gives processes that outlived the last server time to report.
     async fn adopt(&self) -> Result<(), StoreError> {
         let until = (Utc::now() + ADOPTION).timestamp_millis();
-        self.store.lease_all(until).await
+        self.store.lease_all(until, soon(LONG_LEASE)).await
     }
 
     /// Settles jobs whose process vanished, and begins with those that wait.

@@ -112,7 +112,7 @@ impl Model {
         let mut files = Map::new();
         for file in ModelFile::ALL {
             let hashed =
-                state.hashed(self.path(file)).await.map_err(|e| Problem::unreadable(&e))?;
+                state.hashed(vec![self.path(file)]).await.map_err(|e| Problem::unreadable(&e))?;
             if let Some(hashed) = hashed {
                 let blake3 = hashed.blake3.to_hex();
                 let url = format!("/api/v1/models/{}/{}?blake3={blake3}", self.id, file.name);
@@ -131,16 +131,10 @@ impl Model {
     }
 
     /// Hash of all that acts, as evaluations name it; `None` where a file is missing.
-    pub(crate) async fn hash(&self) -> Result<Option<String>, Problem> {
-        let mut hasher = blake3::Hasher::new();
-        for file in ModelFile::ALL {
-            match tokio::fs::read(self.path(file)).await {
-                Ok(bytes) => hasher.update(&bytes),
-                Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
-                Err(error) => return Err(Problem::unreadable(&error)),
-            };
-        }
-        Ok(Some(hasher.finalize().to_hex().to_string()))
+    pub(crate) async fn hash(&self, state: &AppState) -> Result<Option<String>, Problem> {
+        let files = ModelFile::ALL.map(|file| self.path(file)).to_vec();
+        let hashed = state.hashed(files).await.map_err(|e| Problem::unreadable(&e))?;
+        Ok(hashed.map(|hashed| hashed.blake3.to_hex().to_string()))
     }
 
     async fn card(&self) -> Result<Value, Problem> {

@@ -21,7 +21,7 @@ pub struct AppState {
     pub web: Arc<Path>,
     /// One folder per model.
     pub models: Arc<Path>,
-    hashes: Arc<Mutex<HashMap<PathBuf, Hashed>>>,
+    hashes: Arc<Mutex<HashMap<Vec<PathBuf>, Hashed>>>,
     /// What does jobs, if the server does any.
     pub(crate) engine: Option<Arc<Engine>>,
     /// BLAKE3 of the token that changes need, if they need one.
@@ -40,11 +40,11 @@ pub struct AppState {
     stopping: tokio::sync::watch::Receiver<bool>,
 }
 
-/// A file's hash, good for as long as length and time of change stay.
-#[derive(Clone, Copy, Debug)]
+/// The hash of files, good for as long as their lengths and times of change stay.
+#[derive(Clone, Debug)]
 pub(crate) struct Hashed {
     pub(crate) bytes: u64,
-    modified: SystemTime,
+    marks: Vec<(u64, SystemTime)>,
     pub(crate) blake3: blake3::Hash,
 }
 
@@ -116,28 +116,40 @@ impl AppState {
         self.stopping.clone()
     }
 
-    /// Length and BLAKE3 of a file, computed once until the file changes; `None` if there is none.
-    pub(crate) async fn hashed(&self, path: PathBuf) -> io::Result<Option<Hashed>> {
-        let metadata = match tokio::fs::metadata(&path).await {
-            Ok(metadata) if metadata.is_file() => metadata,
-            Ok(_) => return Ok(None),
-            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
-            Err(error) => return Err(error),
-        };
-        let (bytes, modified) = (metadata.len(), metadata.modified()?);
-        let known = self.hashes().get(&path).copied();
-        if let Some(known) = known.filter(|h| (h.bytes, h.modified) == (bytes, modified)) {
+    /// Length and BLAKE3 of files one after another, computed once until one of them changes; `None` if one is not there.
+    pub(crate) async fn hashed(&self, paths: Vec<PathBuf>) -> io::Result<Option<Hashed>> {
+        let mut marks = Vec::new();
+        for path in &paths {
+            match tokio::fs::metadata(path).await {
+                Ok(metadata) if metadata.is_file() => {
+                    marks.push((metadata.len(), metadata.modified()?));
+                }
+                Ok(_) => return Ok(None),
+                Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
+                Err(error) => return Err(error),
+            }
+        }
+        let known = self.hashes().get(&paths).cloned();
+        if let Some(known) = known.filter(|known| known.marks == marks) {
             return Ok(Some(known));
         }
-        let contents = tokio::fs::read(&path).await?;
-        let hash = tokio::task::spawn_blocking(move || blake3::hash(&contents)).await?;
-        let hashed = Hashed { bytes, modified, blake3: hash };
-        self.hashes().insert(path, hashed);
+        // Piece by piece, on a thread of its own: models are long.
+        let files = paths.clone();
+        let hash = tokio::task::spawn_blocking(move || {
+            let mut hasher = blake3::Hasher::new();
+            for file in files {
+                hasher.update_reader(std::fs::File::open(file)?)?;
+            }
+            io::Result::Ok(hasher.finalize())
+        });
+        let bytes = marks.iter().map(|(bytes, _)| bytes).sum();
+        let hashed = Hashed { bytes, marks, blake3: hash.await?? };
+        self.hashes().insert(paths, hashed.clone());
         Ok(Some(hashed))
     }
 
     /// A panic elsewhere cannot leave the map half written, so a poisoned lock is still good.
-    fn hashes(&self) -> std::sync::MutexGuard<'_, HashMap<PathBuf, Hashed>> {
+    fn hashes(&self) -> std::sync::MutexGuard<'_, HashMap<Vec<PathBuf>, Hashed>> {
         self.hashes.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

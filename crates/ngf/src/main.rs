@@ -64,7 +64,7 @@ fn main() -> std::process::ExitCode {
     }
     // A report tells of one process from its beginning.
     let ready = if trains(&command) { environment::begin_anew() } else { Ok(()) };
-    let result = ready.and_then(|()| report::begin()).and_then(|()| run(&command));
+    let result = ready.and_then(|()| report::begin()).and_then(|()| caught(|| run(&command)));
     report::end(&result);
     match result {
         Ok(()) => std::process::ExitCode::SUCCESS,
@@ -73,6 +73,17 @@ fn main() -> std::process::ExitCode {
             std::process::ExitCode::from(2)
         }
     }
+}
+
+/// Makes an error of a panic: a server that waits for its job would take the process for lost and begin it again, which
+/// would panic again.
+fn caught(work: impl FnOnce() -> anyhow::Result<()>) -> anyhow::Result<()> {
+    let done = std::panic::catch_unwind(std::panic::AssertUnwindSafe(work));
+    done.unwrap_or_else(|payload| {
+        let text = payload.downcast_ref::<&str>().copied();
+        let text = text.or_else(|| payload.downcast_ref::<String>().map(String::as_str));
+        Err(anyhow::anyhow!("a bug in this program: {}", text.unwrap_or("it says nothing")))
+    })
 }
 
 /// Whether it needs the environment of training.
@@ -93,5 +104,18 @@ fn run(command: &Command) -> anyhow::Result<()> {
         Command::Suite(options) => suite::run(options),
         Command::Bench(options) => bench::run(options),
         Command::Replay(options) => replay::run(options),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_panic_is_an_error_that_says_what_panicked() {
+        let error = caught(|| panic!("row {}", 7)).unwrap_err();
+        assert_eq!(error.to_string(), "a bug in this program: row 7");
+        assert!(caught(|| panic!("no more")).unwrap_err().to_string().ends_with("no more"));
+        assert!(caught(|| Ok(())).is_ok());
     }
 }

@@ -27,12 +27,14 @@ impl Engine {
     /// Forgets a dataset, with its files.
     pub(crate) async fn forget_dataset(&self, record: &Value) -> Result<(), StoreError> {
         let text = |name: &str| record[name].as_str().unwrap_or_default();
-        self.store.forget(RecordKind::Dataset, text("id")).await?;
         let folder = self.dataset_folder(text("hash"));
         let gone = folder.with_extension(GONE);
-        // At once, so that another job may make the same again.
-        tokio::fs::rename(&folder, &gone).await?;
-        Ok(tokio::fs::remove_dir_all(&gone).await?)
+        unless_missing(tokio::fs::remove_dir_all(&gone).await)?;
+        // At once, so that another job may make the same again; and first, so that whatever comes between leaves nothing
+        // on the disk that no record names.
+        unless_missing(tokio::fs::rename(&folder, &gone).await)?;
+        self.store.forget(RecordKind::Dataset, text("id")).await?;
+        Ok(unless_missing(tokio::fs::remove_dir_all(&gone).await)?)
     }
 
     /// Removes the folder of a job that has ended, once its process has let go of it.
@@ -58,8 +60,19 @@ impl Engine {
         self.store.forget(RecordKind::Model, text("id")).await?;
         let folder = record["step"].as_u64().map_or(String::new(), |step| format!("step-{step}/"));
         let files = record["files"].as_object().into_iter().flatten();
-        let names: Vec<String> = files.map(|(name, _)| format!("{folder}{name}")).collect();
-        self.store.forget_files(text("job"), Some(&names)).await
+        let names: Vec<String> = files.clone().map(|(name, _)| format!("{folder}{name}")).collect();
+        self.store.forget_files(text("job"), Some(&names)).await?;
+        // The job may have been forgotten before, and its list of files with it.
+        let hashes = files.filter_map(|(_, file)| file["blake3"].as_str().map(str::to_owned));
+        self.store.forget_unnamed(hashes.collect()).await
+    }
+}
+
+/// What is not there need not be moved or removed.
+fn unless_missing(done: std::io::Result<()>) -> std::io::Result<()> {
+    match done {
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(()),
+        other => other,
     }
 }
 

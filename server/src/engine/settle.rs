@@ -176,7 +176,6 @@ impl Engine {
 
     /// Adds what an evaluation counted to what is known of its model.
     async fn add_evaluation(&self, job: &Job, out: &Path) -> Result<(), StoreError> {
-        let Some(model) = &job.inputs.model_id else { return Ok(()) };
         let mut reports: Value =
             serde_json::from_slice(&tokio::fs::read(out.join(command::REPORT)).await?)?;
         for report in reports.as_array_mut().into_iter().flatten() {
@@ -188,6 +187,8 @@ impl Engine {
             // The attempts are in the artifact.
             report.as_object_mut().map(|report| report.remove("rows"));
         }
+        // The planner is no model.
+        let Some(model) = &job.inputs.model_id else { return Ok(()) };
         let id = format!("evl_{}", job.id.trim_start_matches("job_"));
         let record = json!({
             "id": id, "object": "evaluation", "model_id": model, "job": job.id,

@@ -44,10 +44,12 @@ pub(crate) async fn upload(
         NamedTempFile::new_in(engine.incoming()).map_err(|error| Problem::unreadable(&error))?;
     let read = tokio::time::timeout(MOST_TIME, read(given, request, &incoming)).await;
     let name = plain(&read.map_err(|_| Problem::too_slow(MOST_TIME))??);
-    let _one_of_few = INSPECTIONS.acquire().await;
+    let one_of_few = INSPECTIONS.acquire().await;
     let bytes = tokio::fs::read(incoming.path()).await.map_err(|e| Problem::unreadable(&e))?;
     state.metrics.uploaded.inc_by(bytes.len() as u64);
     let inspected = tokio::task::spawn_blocking(move || {
+        // Whoever hangs up meanwhile does not make room: the work goes on.
+        let _one_of_few = one_of_few;
         let report = mesh::import(&bytes, None).and_then(|import| Report::of(&import));
         (report, bytes)
     });

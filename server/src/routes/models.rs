@@ -93,7 +93,7 @@ pub(crate) async fn card(
         Some(record) => (described(record), None),
         None => {
             let model = Model::find(&state, id).await?;
-            (model.describe(&state).await?, model.hash().await?)
+            (model.describe(&state).await?, model.hash(&state).await?)
         }
     };
     if let Some(engine) = &state.engine {
@@ -164,7 +164,7 @@ pub(crate) async fn file(
     }
     let model = Model::find(&state, id).await?;
     let file = ModelFile::named(&name).ok_or_else(|| no_file(&model.id, &name))?;
-    let hashed = state.hashed(model.path(file)).await.map_err(|e| Problem::unreadable(&e))?;
+    let hashed = state.hashed(vec![model.path(file)]).await.map_err(|e| Problem::unreadable(&e))?;
     let hash = hashed.ok_or_else(|| no_file(&model.id, &name))?.blake3.to_hex();
 
     let asked = request.uri().query().and_then(|query| query.strip_prefix("blake3="));

@@ -6,7 +6,7 @@ use object_store::path::Path as Key;
 use object_store::{GetOptions, MultipartUpload, ObjectStore, ObjectStoreExt, PutMode, PutOptions};
 use sqlx::Row;
 use std::path::Path;
-use tokio::io::AsyncReadExt;
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
 
 /// A file of a job.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -195,8 +195,20 @@ impl Store {
                 .execute(&mut *change)
                 .await?;
         }
+        change.commit().await?;
+        self.remove_unnamed(files.into_iter().map(|(_, hash)| hash).collect()).await
+    }
+
+    /// Removes those of these files that nothing names any more.
+    pub(crate) async fn forget_unnamed(&self, hashes: Vec<String>) -> Result<(), StoreError> {
+        let _alone = self.keeping.lock().await;
+        self.remove_unnamed(hashes).await
+    }
+
+    async fn remove_unnamed(&self, hashes: Vec<String>) -> Result<(), StoreError> {
+        let mut change = self.begin().await?;
         let mut orphans = Vec::new();
-        for (_, hash) in files {
+        for hash in hashes {
             let gone = sqlx::query(
                 "DELETE FROM artifacts WHERE hash = ?
                  AND NOT EXISTS (SELECT 1 FROM job_artifacts WHERE hash = artifacts.hash)
@@ -270,7 +282,10 @@ impl Store {
             tokio::fs::create_dir_all(parent).await?;
         }
         let beside = path.with_extension("part");
-        tokio::fs::write(&beside, &bytes).await?;
+        let mut file = tokio::fs::File::create(&beside).await?;
+        file.write_all(&bytes).await?;
+        // What has its name is whole, whenever the power fails.
+        file.sync_all().await?;
         Ok(tokio::fs::rename(&beside, path).await?)
     }
 }

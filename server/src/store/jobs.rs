@@ -231,10 +231,15 @@ impl Store {
         .await?)
     }
 
-    /// Ids of the jobs in one of these states.
+    /// Ids of the jobs in one of these states, the newest first.
     pub(crate) async fn ids_in(&self, status: &[Status]) -> Result<Vec<String>, StoreError> {
-        let filter = Filter { status: status.to_vec(), limit: i64::MAX, ..Filter::default() };
-        Ok(self.jobs(&filter).await?.into_iter().map(|job| job.id).collect())
+        let names: Vec<&str> = status.iter().map(|status| status.name()).collect();
+        Ok(sqlx::query_scalar(
+            "SELECT id FROM jobs WHERE status IN (SELECT value FROM json_each(?)) ORDER BY id DESC",
+        )
+        .bind(serde_json::to_string(&names)?)
+        .fetch_all(&self.readers)
+        .await?)
     }
 
     /// A job that has not ended and works on what has this id, if there is one.
@@ -266,12 +271,12 @@ impl Store {
         Ok(())
     }
 
-    /// Lets all processes go on until a time (ms).
-    pub(crate) async fn lease_all(&self, until: i64) -> Result<(), StoreError> {
-        sqlx::query("UPDATE jobs SET lease_until = ? WHERE status IN ('running', 'cancelling')")
-            .bind(until)
-            .execute(&self.writer)
-            .await?;
+    /// Lets all processes go on until a time (ms), or as long as they may already, but to no later time than `most`: the
+    /// clock may have been set back.
+    pub(crate) async fn lease_all(&self, until: i64, most: i64) -> Result<(), StoreError> {
+        let text = "UPDATE jobs SET lease_until = min(max(lease_until, ?), ?)
+             WHERE status IN ('running', 'cancelling')";
+        sqlx::query(text).bind(until).bind(most).execute(&self.writer).await?;
         Ok(())
     }
 

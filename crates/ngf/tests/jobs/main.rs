@@ -55,13 +55,19 @@ fn assert_all_can_be_deleted(server: &Server, data: &Path) {
     assert_eq!(server.delete(&format!("/datasets/{dataset}")), 204);
     assert_eq!(server.delete(&format!("/datasets/{dataset}")), 404);
     assert_eq!(server.delete("/models/default"), 409, "it is the server's");
+    // In whichever order: a policy's job before its models, the encoder's after it.
+    let is_of_policy = |job: &String| server.get(&format!("/jobs/{job}"))["kind"] == "policy.train";
+    let (before, after): (Vec<_>, Vec<_>) = ids("/jobs").into_iter().partition(is_of_policy);
+    assert!(!before.is_empty() && !after.is_empty());
+    let forget = |job: &String| {
+        assert_eq!(server.delete(&format!("/jobs/{job}?artifacts=true")), 204);
+    };
+    before.iter().for_each(forget);
     for model in ids("/models").iter().filter(|id| id.starts_with("mdl_")) {
         assert_eq!(server.delete(&format!("/models/{model}")), 204);
         assert_eq!(server.delete(&format!("/models/{model}")), 404);
     }
-    for job in ids("/jobs") {
-        assert_eq!(server.delete(&format!("/jobs/{job}?artifacts=true")), 204);
-    }
+    after.iter().for_each(forget);
     let files = |folder: &str| -> usize {
         let entries = std::fs::read_dir(data.join(folder)).unwrap();
         let inner = |path: PathBuf| std::fs::read_dir(path).unwrap().count();
