@@ -158,26 +158,72 @@ fn versions_stand_in_one_place() {
     }
 }
 
-/// Lines of the files with this ending in a folder and below.
-fn lines(folder: &Path, ending: &str) -> usize {
+/// The files with this ending in a folder and below.
+fn files(folder: &Path, ending: &str) -> Vec<PathBuf> {
     let entries = folder.read_dir().unwrap_or_else(|e| panic!("{folder:?}: {e}"));
-    let count = |path: PathBuf| match path.is_dir() {
-        true => lines(&path, ending),
-        false if path.extension().is_some_and(|found| found == ending) => {
-            read_to_string(path).unwrap().lines().count()
-        }
-        false => 0,
+    let of_entry = |path: PathBuf| match path.is_dir() {
+        true => files(&path, ending),
+        false if path.extension().is_some_and(|found| found == ending) => vec![path],
+        false => Vec::new(),
     };
-    entries.map(|entry| count(entry.unwrap().path())).sum()
+    entries.flat_map(|entry| of_entry(entry.unwrap().path())).collect()
+}
+
+/// Their lines.
+fn lines(folder: &Path, ending: &str) -> usize {
+    files(folder, ending).iter().map(|file| read_to_string(file).unwrap().lines().count()).sum()
+}
+
+/// Folders of what runs in the browser.
+fn in_the_browser() -> impl Iterator<Item = PathBuf> {
+    let (_, below) = MAY_USE.iter().find(|(name, _)| *name == "wasm").unwrap();
+    let crates = below.iter().map(|name| root().join("crates").join(name).join("src"));
+    crates.chain([root().join("wasm/src")])
+}
+
+/// Functions of the system's mathematics, which differ from machine to machine; `libm` has them all.
+const OF_THE_SYSTEM: [&str; 20] = [
+    "sin()",
+    "cos()",
+    "tan()",
+    "sin_cos()",
+    "asin()",
+    "acos()",
+    "atan()",
+    "atan2(",
+    "sinh()",
+    "cosh()",
+    "tanh()",
+    "exp()",
+    "exp2()",
+    "ln()",
+    "log2()",
+    "log10()",
+    "cbrt()",
+    "powf(",
+    "hypot(",
+    "mul_add(",
+];
+
+#[test]
+fn what_must_come_out_the_same_everywhere_asks_no_system_for_mathematics() {
+    let mut looked_at = 0;
+    for file in in_the_browser().flat_map(|folder| files(&folder, "rs")) {
+        let text = read_to_string(&file).unwrap();
+        // Tests may.
+        let shipped = text.split("#[cfg(test)]").next().unwrap_or_default();
+        looked_at += 1;
+        for name in OF_THE_SYSTEM {
+            assert!(!shipped.contains(&format!(".{name}")), "{file:?} calls .{name}");
+        }
+    }
+    assert!(looked_at > 100, "{looked_at} files");
 }
 
 /// TypeScript holds views and controls: what decides anything is in Rust, where it is tested without a browser.
 #[test]
 fn the_page_is_mostly_rust() {
-    let (_, below) = MAY_USE.iter().find(|(name, _)| *name == "wasm").unwrap();
-    let crates = below.iter().map(|name| root().join("crates").join(name).join("src"));
-    let rust: usize =
-        crates.chain([root().join("wasm/src")]).map(|folder| lines(&folder, "rs")).sum();
+    let rust: usize = in_the_browser().map(|folder| lines(&folder, "rs")).sum();
     let script = lines(&root().join("web/src"), "ts");
     let share = 100 * script / (script + rust);
     println!("{script} lines of TypeScript, {rust} of Rust: {share} %");

@@ -28,7 +28,7 @@ pub enum Fate {
     Slipped,
     /// Replayed: it hung too low.
     Low,
-    /// Replayed: it touched something that is not the hand.
+    /// Replayed: it touched something that is not the hand, or nothing.
     Leaning,
     /// Physics left the finite numbers.
     NotFinite,
@@ -65,7 +65,7 @@ impl Fate {
             TrialOutcome::Lifted { .. } => Self::Kept,
             TrialOutcome::Lost(Loss::Slipped) => Self::Slipped,
             TrialOutcome::Lost(Loss::Low) => Self::Low,
-            TrialOutcome::Lost(Loss::Leaning) => Self::Leaning,
+            TrialOutcome::Lost(Loss::Leaning | Loss::Free) => Self::Leaning,
             TrialOutcome::NotFinite => Self::NotFinite,
         }
     }

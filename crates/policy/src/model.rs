@@ -152,7 +152,7 @@ mod tests {
     /// Two object poses with two starts each.
     fn starts() -> File {
         let z = [0.0f32, 0.0, 1.0, 1.0].iter().flat_map(|z| [*z; LATENT]).collect();
-        let q = [0.2f32, 0.5, 0.2, 0.5].iter().flat_map(|q| [*q; DOF]).collect();
+        let q = [0.3f32, 0.45, 0.3, 0.45].iter().flat_map(|q| [*q; DOF]).collect();
         let rows = [("starts.z", LATENT, z), ("starts.q", DOF, q)];
         rows.map(|(name, size, values)| (name.to_owned(), (vec![4, size], values))).into()
     }
@@ -203,7 +203,7 @@ mod tests {
     #[test]
     fn the_start_belongs_to_the_nearest_encoding_and_then_to_the_nearest_palm() {
         let model = load(&bytes(&weights()), &bytes(&starts()), &config()).unwrap();
-        for (z, q) in [(0.2f32, 0.2), (0.2, 0.5), (0.9, 0.2), (0.9, 0.5)] {
+        for (z, q) in [(0.2f32, 0.3), (0.2, 0.45), (0.9, 0.3), (0.9, 0.45)] {
             // Where the first joint is, at another bearing.
             let mut wanted = JointVector::from_element(f64::from(q as f32));
             wanted[0] += 0.4;
@@ -251,6 +251,11 @@ mod tests {
         assert!(message.contains("another architecture"), "{message}");
         let message = load(&whole, &whole, &config()).unwrap_err().to_string();
         assert!(message.contains("starts.q"), "{message}");
+        let far = (vec![4, DOF], vec![9.0; 4 * DOF]);
+        let mut beyond = self::starts();
+        beyond.insert("starts.q".into(), far);
+        let message = load(&whole, &bytes(&beyond), &config()).unwrap_err().to_string();
+        assert!(message.contains("start 0 is beyond the limits"), "{message}");
         let message = load(&whole, &starts, r#"{"version": 3}"#).unwrap_err().to_string();
         assert!(message.contains("configuration") && message.contains("policy"), "{message}");
         for (other, found) in [("{}", "version 1"), (r#"{"version": 4}"#, "version 4")] {

@@ -58,6 +58,8 @@ const LEVER: f64 = 0.1;
 
 /// Margin (rad) that a start of the network keeps from the joint limits.
 const MARGIN: f64 = 0.02;
+/// How far (rad) a start may be beyond a limit: as far as a demonstration, and what a file of half precision rounds.
+const BEYOND: f64 = 0.03;
 
 /// Widths of the network's layers; `object` numbers tell of the object.
 pub fn widths(object: usize) -> Vec<usize> {
@@ -100,11 +102,14 @@ impl Starts {
             None => vec![None; count],
         };
         let rows = z.chunks_exact(object).zip(q.chunks_exact(DOF)).zip(names);
-        let starts = rows.map(|((z, q), object)| {
+        let starts = rows.enumerate().map(|(row, ((z, q), object))| {
             let q = JointVector::from_fn(|i, _| f64::from(q[i]));
-            Start { z: z.to_vec(), q, palm: tree.kinematics(&q).palm(), object }
+            if !tree.limits.contains(&q, -BEYOND) {
+                return Err(WeightsError::Start(row));
+            }
+            Ok(Start { z: z.to_vec(), q, palm: tree.kinematics(&q).palm(), object })
         });
-        Ok(Self::Table(starts.collect()))
+        Ok(Self::Table(starts.collect::<Result<_, _>>()?))
     }
 
     /// The object whose encoding at some pose is nearest to z, and how far away that is; of a table that tells its objects.

@@ -33,6 +33,9 @@ pub enum WeightsError {
         "the file does not tell of which objects its starts are: {0}; write it again with `ngf train`"
     )]
     Objects(String),
+    /// An attempt would begin where the robot cannot be.
+    #[error("start {0} is beyond the limits of the joints; write the model again with `ngf train`")]
+    Start(usize),
     /// A value of the configuration cannot be used.
     #[error("the model's configuration has {name} = {value}; write it again with `ngf train`")]
     Setting {

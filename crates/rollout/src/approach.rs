@@ -64,6 +64,7 @@ impl Sight<'_> {
                 self.demonstrated(&set.grasps, rng)
             }
             Controller::Found(grasps) => self.demonstrated(grasps, rng),
+            Controller::Demonstration(states) if states.is_empty() => Err(RolloutError::NoStates),
             Controller::Demonstration(states) => Ok(Ok(self.starting_at_home(states))),
             Controller::Nearest(library) => self.played_back(library),
             _ => self.looked_up(controller, rng),

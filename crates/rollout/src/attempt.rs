@@ -46,6 +46,9 @@ pub struct Attempt {
     targets: Vec<Vec<f64>>,
 }
 
+/// Nothing stands so far away (m), or is turned so often (rad).
+const FARTHEST: f32 = 100.0;
+
 /// Where an attempt puts the object if it is not told: x, y (m), yaw (rad).
 pub fn pose_of_seed(robot: &Robot, seed: u64) -> [f32; 3] {
     drawn_pose(robot, seed).0
@@ -70,6 +73,9 @@ impl Attempt {
         let robot = &workcell.robot;
         let (drawn, mut rng) = drawn_pose(robot, seed);
         let pose = pose.unwrap_or(drawn);
+        if !pose.iter().all(|number| number.abs() < FARTHEST) {
+            return Err(RolloutError::OffTheTable);
+        }
         let world_from_object = robot.config.upright(pose[0], pose[1], pose[2]);
         let cloud = look(workcell, object, &world_from_object, &mut rng);
         let nominal_palm = robot.tree.kinematics(&robot.nominal_towards(&world_from_object)).palm();

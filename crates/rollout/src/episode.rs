@@ -11,9 +11,6 @@ use scene::config::scene_hash;
 /// Joint speeds (rad/s) from here on are no policy's, not even a bad one's.
 const FASTEST: f64 = 1e3;
 
-/// Nothing stands so far away (m), or is turned so often (rad).
-const FARTHEST: f32 = 100.0;
-
 /// A recorded attempt: what was there, and the joint targets of every tick.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Episode {
@@ -118,9 +115,6 @@ impl Episode {
         let rows: Vec<JointState> =
             self.targets.iter().enumerate().map(state_of).collect::<Result<_, _>>()?;
         check_states(workcell, &rows, FASTEST)?;
-        if !self.pose.iter().all(|number| number.abs() < FARTHEST) {
-            return Err(RolloutError::OffTheTable);
-        }
         let marks = Marks { policy: self.policy_tick, lift: self.lift_tick, hold: self.hold_tick };
         let controller = Controller::Replay(Recording { rows, marks, verdict: self.verdict });
         Attempt::begin(workcell, object, &self.name, Some(self.pose), self.seed, controller)

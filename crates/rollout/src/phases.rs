@@ -9,7 +9,7 @@ use crate::workcell::Workcell;
 use grasps::lift;
 use robot::JointState;
 use scene::config::CONTROL_PERIOD;
-use scene::{Hold, Simulation};
+use scene::{Hold, Loss, Simulation};
 
 /// Distance (m) by which the approach may move the object.
 const APPROACH_SHIFT: f32 = 0.01;
@@ -92,8 +92,16 @@ impl Attempt {
     pub(crate) fn end_replay(&mut self) {
         let Controller::Replay(Recording { verdict, .. }) = self.controller else { return };
         let is_over = self.plan.len() == 0 && self.verdict.is_none();
-        if let Some(verdict) = verdict.filter(|_| is_over && self.marks.hold.is_none()) {
-            self.finish(verdict);
+        if is_over && self.marks.hold.is_none() {
+            match verdict {
+                Some(Verdict::Failed { reason }) => self.fail(reason),
+                // That something was held is judged here, and a recording that was cut short does not show it.
+                Some(Verdict::Lifted { .. }) => {
+                    let end = self.scene.object_pose().translation;
+                    self.fail(self.story.reason(end, Loss::Low));
+                }
+                None => {}
+            }
         }
     }
 

@@ -37,7 +37,7 @@ pub enum Failure {
     PushedAway,
     /// The object slid or turned in the hand.
     Slipped,
-    /// The object was raised, but not clear of the table.
+    /// The object was raised, but not clear of the table or of the arm.
     Low,
     /// The object was lifted and lost.
     Dropped,
@@ -70,7 +70,7 @@ impl Failure {
             Self::Missed => "Missed: the hand closed beside the object.",
             Self::PushedAway => "Pushed away: the hand moved the object instead of holding it.",
             Self::Slipped => "Slipped: the object slid or turned in the hand.",
-            Self::Low => "Too low: the object was raised, but not clear of the table.",
+            Self::Low => "Too low: the object was raised, but not clear of table and arm.",
             Self::Dropped => "Dropped: the object was lifted and lost.",
             Self::NotFinite => "The motion left the finite numbers.",
         }
@@ -99,6 +99,8 @@ impl Story {
             _ if self.highest <= RAISED && moved > PUSHED => Failure::PushedAway,
             _ if self.highest <= RAISED => Failure::Missed,
             _ if end.z - self.start.z <= RAISED => Failure::Dropped,
+            // It has not come far yet.
+            Loss::Free => Failure::Dropped,
             Loss::Slipped => Failure::Slipped,
             Loss::Low | Loss::Leaning => Failure::Low,
         }
@@ -119,5 +121,7 @@ mod tests {
         assert_eq!(reason(0.1, 0.0, 0.0, Loss::Slipped), Failure::Dropped);
         assert_eq!(reason(0.1, 0.0, 0.1, Loss::Slipped), Failure::Slipped);
         assert_eq!(reason(0.1, 0.0, 0.08, Loss::Low), Failure::Low);
+        assert_eq!(reason(0.2, 0.0, 0.2, Loss::Leaning), Failure::Low);
+        assert_eq!(reason(0.2, 0.0, 0.195, Loss::Free), Failure::Dropped);
     }
 }

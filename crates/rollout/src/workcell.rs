@@ -40,7 +40,7 @@ pub enum RolloutError {
         row: usize,
     },
     /// The object stands elsewhere.
-    #[error("its object stands off the table; write it again")]
+    #[error("the object stands off the table")]
     OffTheTable,
     /// An episode belongs to another scene or object.
     #[error("the episode was recorded with another {what}: {found} instead of {wanted}")]

@@ -19,6 +19,8 @@ pub struct Hold {
 pub enum Loss {
     /// It touches the table or hangs too low.
     Low,
+    /// It touches nothing.
+    Free,
     /// It touches something that is not the hand.
     Leaning,
     /// It moved or turned too far in the palm.
@@ -52,8 +54,11 @@ impl Hold {
         if scene.object_height() < protocol.held_height {
             return Some(Loss::Low);
         }
-        let only_hand = Touching { hand: true, ..Touching::default() };
-        (touching != only_hand).then_some(Loss::Leaning)
+        match touching {
+            Touching { hand: true, arm: false, table: false } => None,
+            Touching { hand: false, arm: false, table: false } => Some(Loss::Free),
+            _ => Some(Loss::Leaning),
+        }
     }
 }
 
@@ -106,7 +111,7 @@ mod tests {
     fn in_the_air_it_is_held_only_by_the_hand() {
         let (scene, config) = after_a_tick(&Pose::from_translation(Vec3::new(0.6, 0.5, 0.3)));
         assert_eq!(scene.touching(), Touching::default());
-        assert_eq!(Hold::begin(&scene).loss(&scene, &config.attempt), Some(Loss::Leaning));
+        assert_eq!(Hold::begin(&scene).loss(&scene, &config.attempt), Some(Loss::Free));
 
         let (scene, config) = after_a_tick(&at_the_fingertip());
         let hand = Touching { hand: true, ..Touching::default() };

@@ -82,7 +82,7 @@ export function sharedIn(hash = location.hash): Shared | null {
     mesh: fields.get("mesh"),
     pose: { x, y: y!, yaw: yaw! },
     placed: fields.has("d"),
-    seed: countIn("s", numbers("s", 1)[0]),
+    seed: seedIn("s", numbers("s", 1)[0]),
     model: text("m"),
     modelHash: fields.get("mh"),
     scene: text("sc"),
@@ -107,6 +107,12 @@ function positiveIn(name: string, value: number): number {
 function countIn(name: string, value: number): number {
   if (!Number.isSafeInteger(value) || value < 0) throw new Error(LINK.partUnknown(name, String(value)));
   return value;
+}
+
+// The worker's seeds have 32 bits.
+function seedIn(name: string, value: number): number {
+  if (value > 0xffffffff) throw new Error(LINK.partUnknown(name, String(value)));
+  return countIn(name, value);
 }
 
 function standsIn(text: string): Stands {

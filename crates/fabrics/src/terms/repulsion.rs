@@ -13,7 +13,7 @@ pub struct RepulsionConfig {
     pub push: f64,
     /// Acceleration of the geometric part per squared speed (1/m).
     pub bend: f64,
-    /// Scale of the priority (m²): 100 times this at 1 cm, falling with the squared distance.
+    /// Scale of the priority (m²), which is divided by the squared gap: 10⁴ times this at 1 cm.
     pub priority: f64,
     /// Gaps (m) beyond this are ignored.
     pub reach: f64,
@@ -67,7 +67,8 @@ pub fn add(
         for Nearness { gap, away } in &near {
             let room = gap.max(config.least);
             direction += away / room;
-            // Motion away from the obstacle is free, unless the sphere is inside.
+            // Motion away from the obstacle is free, unless the sphere is inside. Below, the metric is divided by its own
+            // norm: from a single obstacle it is free only above some 1 cm/s.
             let approach = -velocity.dot(away);
             let gate =
                 if *gap <= 0.0 { 1.0 } else { 0.5 * libm::tanh(1000.0 * (approach + 0.002)) + 0.5 };
