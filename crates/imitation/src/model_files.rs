@@ -119,7 +119,7 @@ mod tests {
         let mut params = Params::default();
         twin::init(&mut params, &mut ChaCha8Rng::seed_from_u64(1)).unwrap();
         let encoder = TrainedEncoder { params, whitening: Whitening::identity() };
-        let rows: Vec<f32> = (0..4 * DOF).map(|i| 0.01 * (i % DOF) as f32).collect();
+        let rows: Vec<f32> = (0..4 * DOF).map(|i| 0.3 + 0.005 * (i % DOF) as f32).collect();
         let z = vec![0.5; LATENT];
         let lesson = Lesson {
             object: "mug.1".into(),
