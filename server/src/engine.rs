@@ -138,14 +138,15 @@ impl Engine {
     /// Works until it is dropped; `url` is where processes find the server.
     pub async fn work(self: Arc<Self>, url: &str) {
         self.url.set(url.to_owned()).ok();
-        if let Err(error) = self.adopt().await {
+        // Nothing is being kept yet: a process that has vanished meanwhile is noticed soon.
+        if let Err(error) = self.adopt(ADOPTION).await {
             tracing::warn!(%error, "jobs that were running");
         }
         let (mut last, mut watch) = (Utc::now(), Watch::default());
         loop {
             // A machine that slept, or whose clock was set, has not heard of its processes, and they are well.
             if (Utc::now() - last).abs() > SLEPT
-                && let Err(error) = self.adopt().await
+                && let Err(error) = self.adopt(LONG_LEASE).await
             {
                 tracing::warn!(%error, "after a sleep");
             }
@@ -218,10 +219,9 @@ impl Engine {
         &self.config.models
     }
 
-    /// Gives processes that outlived the last server time to report.
-    async fn adopt(&self) -> Result<(), StoreError> {
-        let until = (Utc::now() + ADOPTION).timestamp_millis();
-        self.store.lease_all(until, soon(LONG_LEASE)).await
+    /// Gives processes that outlived the last server, or a sleep, time to report; who has more keeps it, up to `most`.
+    async fn adopt(&self, most: Duration) -> Result<(), StoreError> {
+        self.store.lease_all(soon(ADOPTION), soon(most)).await
     }
 
     /// Settles jobs whose process vanished, and begins with those that wait.
