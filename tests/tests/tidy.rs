@@ -261,10 +261,13 @@ fn paths_in_the_documents_exist() {
         // Links of Markdown lead to files too.
         let links = text.split("](").skip(1).filter_map(|rest| rest.split([')', '#']).next());
         let links = links.filter(|link| !link.is_empty());
-        for path in paths.into_iter().chain(links.filter(|link| !link.contains("://"))) {
+        let near = |path: &str| root().join(document).with_file_name(path).exists();
+        for link in links.filter(|link| !link.contains("://")) {
+            assert!(near(link), "{document} links to {link}, which does not exist");
+        }
+        for path in paths {
             // From the root, or from where the document lies.
-            let near = root().join(document).with_file_name(path);
-            let is_there = root().join(path).exists() || near.exists();
+            let is_there = root().join(path).exists() || near(path);
             assert!(is_there, "{document} names {path}, which does not exist");
         }
     }
