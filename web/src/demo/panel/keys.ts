@@ -15,7 +15,10 @@ export function onKeys(actions: Record<string, () => void>, other: (key: string)
 }
 
 function isTaken({ target, key }: KeyboardEvent): boolean {
-  if (!(target instanceof HTMLElement) || target.closest("dialog")) return true;
+  if (!(target instanceof HTMLElement)) return true;
+  const dialog = target.closest("dialog");
+  // The focus leaves a dialog a moment after it has closed.
+  if (dialog) return dialog.open;
   if (target.closest("input[type=number], select")) return true;
   const isControl = target.closest("button, input, summary") !== null;
   return isControl && (key === " " || key.startsWith("Arrow"));
