@@ -6,9 +6,10 @@
 use geometry::Vec3;
 use geometry::brought::{self, Because, Told};
 use geometry::object::Object;
+use geometry::proportions::Proportions;
 use grasps::built_in::built_in;
 use grasps::cluster;
-use rollout::{Attempt, Controller, Phase, Verdict, Workcell};
+use rollout::{Attempt, Controller, Failure, Phase, Verdict, Workcell};
 use scene::Simulation;
 use std::path::Path;
 
@@ -164,4 +165,22 @@ fn a_report_tells_which_grasp_was_tried() {
     let far = grasps.iter().map(|grasp| cluster::distance(&grasp.object_from_palm, &palm));
     let least = far.fold(f64::INFINITY, f64::min);
     assert!(least < 0.005, "{least} m from every grasp that the planner knows");
+}
+
+#[test]
+fn what_moves_untouched_was_not_run_into() {
+    let workcell = workcell();
+    let begin = |object: &Object| {
+        let pose = Some([0.45, 0.1, 0.0]);
+        Attempt::begin(&workcell, object, "sugar_box", pose, 0, Controller::Policy).unwrap()
+    };
+    let object = Object::built_in("sugar_box").unwrap();
+    let mut pulled = begin(&object);
+    pulled.pull(Some((Vec3::ZERO, Vec3::new(0.45, 1.0, 0.2))));
+    assert_eq!(pulled.run(&workcell), Verdict::Failed { reason: Failure::Shifted });
+
+    // So high that it is in the way.
+    let high = Proportions { scale: Vec3::new(1.0, 1.0, 3.0), sink: 0.0 };
+    let verdict = begin(&object.reshaped("pillar", &high).unwrap()).run(&workcell);
+    assert_eq!(verdict, Verdict::Failed { reason: Failure::Collided });
 }

@@ -101,7 +101,7 @@ impl Attempt {
             approach_ticks: 0,
             marks: Marks::default(),
             hold: None,
-            story: Story { start: world_from_object.translation, highest: 0.0 },
+            story: Story { start: world_from_object.translation, highest: 0.0, is_touched: false },
             verdict: None,
             end: None,
             is_pulled: false,

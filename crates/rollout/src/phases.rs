@@ -11,7 +11,7 @@ use robot::JointState;
 use scene::config::CONTROL_PERIOD;
 use scene::{Hold, Loss, Simulation};
 
-/// Distance (m) by which the approach may move the object.
+/// Distance (m) by which the object may move during the approach.
 const APPROACH_SHIFT: f32 = 0.01;
 
 /// What is going on.
@@ -42,9 +42,12 @@ impl Attempt {
         match self.phase {
             Phase::Approach | Phase::Policy if self.is_replay() => self.follow_marks(workcell),
             Phase::Approach => {
+                let touching = self.scene.touching();
+                self.story.is_touched |= touching.hand || touching.arm;
                 let is_shifted = object.distance(self.story.start) > APPROACH_SHIFT;
                 if is_shifted && !self.controller.knows_the_place() {
-                    return self.fail(Failure::Collided);
+                    let is_touched = self.story.is_touched;
+                    return self.fail(if is_touched { Failure::Collided } else { Failure::Shifted });
                 }
                 if self.controller.is_planned() {
                     if self.phase_ticks >= self.approach_ticks {

@@ -29,6 +29,8 @@ pub enum Failure {
     Unseen,
     /// No start configuration, or no motion to it.
     Unreachable,
+    /// The object moved before arm or hand had touched it: it fell over, or somebody pulled at it.
+    Shifted,
     /// The arm moved the object on its way.
     Collided,
     /// The hand closed beside the object.
@@ -66,6 +68,7 @@ impl Failure {
         match self {
             Self::Unseen => "Not seen: no point of the object is in the camera's cloud.",
             Self::Unreachable => "Out of reach: no start configuration near the object.",
+            Self::Shifted => "Shifted: the object moved before the arm had touched it.",
             Self::Collided => "Collided: the arm moved the object on its way.",
             Self::Missed => "Missed: the hand closed beside the object.",
             Self::PushedAway => "Pushed away: the hand moved the object instead of holding it.",
@@ -84,6 +87,8 @@ pub(crate) struct Story {
     pub(crate) start: Vec3,
     /// Its greatest height over the table so far (m).
     pub(crate) highest: f32,
+    /// Whether arm or hand touched it on the way to where the controller begins.
+    pub(crate) is_touched: bool,
 }
 
 /// Height (m) from which an object counts as having been lifted.
@@ -114,7 +119,7 @@ mod tests {
     #[test]
     fn reasons_follow_the_object() {
         let reason = |highest, x, z, loss| {
-            Story { start: Vec3::ZERO, highest }.reason(Vec3::new(x, 0.0, z), loss)
+            Story { start: Vec3::ZERO, highest, is_touched: true }.reason(Vec3::new(x, 0.0, z), loss)
         };
         assert_eq!(reason(0.0, 0.01, 0.0, Loss::Low), Failure::Missed);
         assert_eq!(reason(0.0, 0.09, 0.0, Loss::Low), Failure::PushedAway);

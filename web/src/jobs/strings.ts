@@ -38,6 +38,7 @@ export const PHASES: Record<string, string> = {
 export const FAILURES: Record<string, string> = {
   unseen: "not seen",
   unreachable: "out of reach",
+  shifted: "moved untouched",
   collided: "collided on the way",
   missed: "missed",
   pushed_away: "pushed away",
