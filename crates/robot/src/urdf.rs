@@ -148,10 +148,10 @@ fn number(node: Node, key: &str) -> Result<f64, UrdfError> {
 
 fn numbers(node: Node, key: &str) -> Result<[f64; 3], UrdfError> {
     let value = text(node, key)?;
-    let parts: Vec<f64> = value.split_whitespace().filter_map(|part| part.parse().ok()).collect();
-    match parts.try_into() {
-        Ok(three) => Ok(three),
-        Err(_) => Err(missing(node, &format!("three numbers as {key}"), value)),
+    let parts: Result<Vec<f64>, _> = value.split_whitespace().map(str::parse).collect();
+    match <[f64; 3]>::try_from(parts.unwrap_or_default()) {
+        Ok(three) if three.iter().all(|number| number.is_finite()) => Ok(three),
+        _ => Err(missing(node, &format!("three finite numbers as {key}"), value)),
     }
 }
 
