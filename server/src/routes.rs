@@ -1,6 +1,7 @@
 //! Which path leads where.
 
 mod artifacts;
+mod content;
 mod course;
 mod datasets;
 mod events;

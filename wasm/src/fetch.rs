@@ -62,10 +62,10 @@ pub(crate) async fn model(
         // To a server its root is that of the host, and the site may lie in a folder.
         let url = format!("{base}{}", file.url.trim_start_matches('/'));
         let response = get(&url).await?;
-        let bytes = read(&response, |bytes| progress(done + bytes, total)).await?;
+        let bytes = read(&response, file.bytes, |bytes| progress(done + bytes, total)).await?;
         if bytes.len() as f64 != file.bytes {
             let (found, wanted) = (bytes.len(), file.bytes);
-            return Err(failed(&format!("{} has {found} bytes instead of {wanted}", file.url)));
+            return Err(failed(&format!("{} sent {found} bytes instead of {wanted}", file.url)));
         }
         done += file.bytes;
         contents.push(bytes);
@@ -122,8 +122,12 @@ async fn get(url: &str) -> Result<Response, Failure> {
     }
 }
 
-/// The whole body; `progress` gets the bytes so far.
-async fn read(response: &Response, mut progress: impl FnMut(f64)) -> Result<Vec<u8>, Failure> {
+/// The body, or its beginning if it is longer than `wanted` bytes; `progress` gets the bytes so far.
+async fn read(
+    response: &Response,
+    wanted: f64,
+    mut progress: impl FnMut(f64),
+) -> Result<Vec<u8>, Failure> {
     let Some(body) = response.body() else { return Ok(Vec::new()) };
     let reader: ReadableStreamDefaultReader = body.get_reader().unchecked_into();
     let mut bytes = Vec::new();
@@ -137,6 +141,9 @@ async fn read(response: &Response, mut progress: impl FnMut(f64)) -> Result<Vec<
         let begin = bytes.len();
         bytes.resize(begin + value.length() as usize, 0);
         value.copy_to(&mut bytes[begin..]);
+        if bytes.len() as f64 > wanted {
+            return Ok(bytes);
+        }
         progress(bytes.len() as f64);
     }
 }

@@ -1,19 +1,18 @@
 //! What jobs leave behind: models on their way, files, logs.
 
 use super::Jobs;
-use super::artifacts::is_whole;
+use super::content::{Content, NOT_KEPT, part_of};
 use super::jobs::find;
 use crate::Problem;
 use crate::extract::{Path, Query};
 use crate::store::Type;
 use axum::Json;
 use axum::body::Body;
-use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
+use axum::http::{HeaderMap, header};
 use axum::response::{IntoResponse, Response};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
-use tower::ServiceExt;
-use tower_http::services::ServeFile;
+use std::ops::Range;
 
 /// Models that it wrote on its way, oldest first.
 #[utoipa::path(
@@ -66,35 +65,21 @@ pub(crate) async fn logs(
 ) -> Result<Response, Problem> {
     find(&engine, &id).await?;
     let path = engine.folder(&id).join("log.txt");
-    let kind = HeaderValue::from_static("text/plain; charset=utf-8");
-    let mut answer = match query.get("tail") {
-        Some(count) => {
-            let invalid = |_| Problem::invalid("tail", "it is a number of lines");
-            let text = tail(&path, count.parse().map_err(invalid)?).await;
-            text.map_err(|error| Problem::unreadable(&error))?.into_response()
-        }
-        None if !path.exists() => String::new().into_response(),
-        None => {
-            let mut request = axum::http::Request::new(Body::empty());
-            let bytes = tokio::fs::metadata(&path).await.map_or(0, |file| file.len());
-            let is_part =
-                |range: &&HeaderValue| range.to_str().is_ok_and(|text| !is_whole(text, bytes));
-            let range = headers.get(header::RANGE).filter(is_part).cloned();
-            request.headers_mut().extend(range.map(|range| (header::RANGE, range)));
-            match ServeFile::new(&path).oneshot(request).await {
-                Ok(answer) => answer.map(Body::new),
-                Err(never) => match never {},
-            }
-        }
-    };
-    if answer.status() == StatusCode::RANGE_NOT_SATISFIABLE {
-        let place = answer.headers_mut().remove(header::CONTENT_RANGE);
-        let place = place.map(|place| [(header::CONTENT_RANGE, place)]);
-        return Ok((place, Problem::out_of_range("the log")).into_response());
+    if let Some(count) = query.get("tail") {
+        let invalid = |_| Problem::invalid("tail", "it is a number of lines");
+        let text = tail(&path, count.parse().map_err(invalid)?).await;
+        let text = text.map_err(|error| Problem::unreadable(&error))?;
+        return Ok(([(header::CACHE_CONTROL, NOT_KEPT)], text).into_response());
     }
-    answer.headers_mut().insert(header::CONTENT_TYPE, kind);
-    answer.headers_mut().insert(header::CACHE_CONTROL, HeaderValue::from_static("no-store"));
-    Ok(answer)
+    // A job that has not begun has said nothing.
+    let bytes = tokio::fs::metadata(&path).await.map_or(0, |file| file.len());
+    let content_type = "text/plain; charset=utf-8";
+    let content = Content { name: "the log", hash: None, bytes, content_type, cache: NOT_KEPT };
+    let part = async |part: Range<u64>| match part.is_empty() {
+        true => Ok(Body::empty()),
+        false => part_of(&path, part).await.map_err(|error| Problem::unreadable(&error)),
+    };
+    content.answer(&headers, part).await
 }
 
 /// Bytes at the end of a log in which its last lines are looked for.

@@ -1,6 +1,7 @@
 //! Meshes that are uploaded: the same bytes are the same mesh.
 
-use super::Jobs;
+use super::content::KEPT;
+use super::{Jobs, artifacts};
 use crate::extract::{Path, Query};
 use crate::store::RecordKind;
 use crate::{AppState, Problem};
@@ -196,7 +197,8 @@ pub(crate) async fn file(
 ) -> Result<Response, Problem> {
     let record = engine.store.record(RecordKind::Mesh, &id).await?;
     let record = record.ok_or_else(|| Problem::no_record("mesh", &id))?;
-    super::artifacts::serve(&engine, record["hash"].as_str().unwrap_or_default(), &headers).await
+    let hash = record["hash"].as_str().unwrap_or_default();
+    artifacts::serve(&engine, hash, KEPT, &headers).await
 }
 
 /// Forgets one; jobs that have begun with it have a copy.

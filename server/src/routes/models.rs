@@ -1,20 +1,18 @@
 //! Models: the list, the card, and the files that the page fetches.
 
+use super::content::{CHECKED, Content, KEPT, part_of};
 use super::{Jobs, artifacts};
 use crate::extract::{Path, Query};
 use crate::model::{Model, ModelFile, OF_JOB};
-use crate::state::DEFAULT;
+use crate::state::{DEFAULT, Hashed};
 use crate::store::RecordKind;
 use crate::{AppState, Problem};
 use axum::Json;
-use axum::body::Body;
-use axum::extract::{Request, State};
-use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
-use axum::response::{IntoResponse, Response};
+use axum::extract::State;
+use axum::http::{HeaderMap, StatusCode, Uri};
+use axum::response::Response;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
-use tower::ServiceExt;
-use tower_http::services::ServeFile;
 
 /// All models that have weights: those that were there before by id, then those of jobs, newest first.
 #[utoipa::path(
@@ -142,77 +140,38 @@ pub(crate) async fn delete(
 pub(crate) async fn file(
     State(state): State<AppState>,
     Path((id, name)): Path<(String, String)>,
-    mut request: Request,
+    uri: Uri,
+    headers: HeaderMap,
 ) -> Result<Response, Problem> {
     let id = state.model_of(&id);
+    let asked = uri.query().and_then(|query| query.strip_prefix("blake3="));
+    let cache = |hash: &str| match asked {
+        Some(asked) if asked == hash => Ok(KEPT),
+        Some(_) => Err(other_content(id, hash)),
+        // `default` may be another one tomorrow.
+        None => Ok(CHECKED),
+    };
+    let missing = || no_file(id, &name);
     if let (Some(record), Some(engine)) = (of_job(&state, id).await?, &state.engine) {
         let known = ModelFile::named(&name).and_then(|file| record["files"].get(file.file_name));
-        let hash = known.and_then(|file| file["blake3"].as_str());
-        let hash = hash.ok_or_else(|| no_file(id, &name))?;
-        let asked = request.uri().query().and_then(|query| query.strip_prefix("blake3="));
-        if asked.is_some_and(|asked| asked != hash) {
-            return Err(other_content(id, hash));
-        }
-        let is_fixed = asked.is_some();
-        let mut answer = artifacts::serve(engine, hash, request.headers()).await?;
-        if !is_fixed {
-            // `default` may be another one tomorrow.
-            let cache = HeaderValue::from_static("no-cache");
-            answer.headers_mut().insert(header::CACHE_CONTROL, cache);
-        }
-        return Ok(answer);
+        let hash = known.and_then(|file| file["blake3"].as_str()).ok_or_else(missing)?;
+        return artifacts::serve(engine, hash, cache(hash)?, &headers).await;
     }
     let model = Model::find(&state, id).await?;
-    let file = ModelFile::named(&name).ok_or_else(|| no_file(&model.id, &name))?;
-    let hashed = state.hashed(vec![model.path(file)]).await.map_err(|e| Problem::unreadable(&e))?;
-    let hash = hashed.ok_or_else(|| no_file(&model.id, &name))?.blake3.to_hex();
-
-    let asked = request.uri().query().and_then(|query| query.strip_prefix("blake3="));
-    let cache = match asked {
-        Some(asked) if asked == hash.as_str() => "public, max-age=31536000, immutable",
-        Some(_) => return Err(other_content(&model.id, &hash)),
-        None => "no-cache",
+    let file = ModelFile::named(&name).ok_or_else(missing)?;
+    let path = model.path(file);
+    let hashed = state.hashed(vec![path.clone()]).await.map_err(|e| Problem::unreadable(&e))?;
+    let Hashed { blake3, bytes, .. } = hashed.ok_or_else(missing)?;
+    let hash = blake3.to_hex();
+    let content = Content {
+        name: file.file_name,
+        hash: Some(&hash),
+        bytes,
+        content_type: file.content_type,
+        cache: cache(&hash)?,
     };
-    let etag = format!("\"{hash}\"");
-    if names(request.headers(), header::IF_NONE_MATCH, &etag) {
-        let headers = [(header::ETAG, etag.as_str()), (header::CACHE_CONTROL, cache)];
-        return Ok((StatusCode::NOT_MODIFIED, headers).into_response());
-    }
-
-    // The file service knows times of change, not hashes: conditions were answered above.
-    let headers = request.headers_mut();
-    if headers.contains_key(header::IF_RANGE) && !names(headers, header::IF_RANGE, &etag) {
-        headers.remove(header::RANGE);
-    }
-    for condition in [
-        header::IF_MATCH,
-        header::IF_NONE_MATCH,
-        header::IF_MODIFIED_SINCE,
-        header::IF_UNMODIFIED_SINCE,
-    ] {
-        headers.remove(condition);
-    }
-    let mut response = match ServeFile::new(model.path(file)).oneshot(request).await {
-        Ok(response) => response.map(Body::new),
-        Err(never) => match never {},
-    };
-    if response.status() == StatusCode::RANGE_NOT_SATISFIABLE {
-        return Ok(out_of_range(file, &response));
-    }
-    response.headers_mut().remove(header::LAST_MODIFIED);
-    let headers = [
-        (header::ETAG, etag.as_str()),
-        (header::CACHE_CONTROL, cache),
-        (header::CONTENT_TYPE, file.content_type),
-    ];
-    Ok((headers, response).into_response())
-}
-
-/// Does this header name the tag, alone or in a list, or any (`*`)?
-fn names(headers: &HeaderMap, header: header::HeaderName, etag: &str) -> bool {
-    let values = headers.get_all(header);
-    let mut tags = values.iter().filter_map(|v| v.to_str().ok()).flat_map(|v| v.split(','));
-    tags.any(|tag| tag.trim() == "*" || tag.trim().trim_start_matches("W/") == etag)
+    let part = async |part| part_of(&path, part).await.map_err(|e| Problem::unreadable(&e));
+    content.answer(&headers, part).await
 }
 
 fn no_file(id: &str, name: &str) -> Problem {
@@ -234,22 +193,6 @@ fn other_content(id: &str, hash: &str) -> Problem {
         hint: format!("its file now has the hash {hash}; read the card again"),
         param: None,
     }
-}
-
-fn out_of_range(file: ModelFile, refused: &Response) -> Response {
-    let problem = Problem {
-        status: StatusCode::RANGE_NOT_SATISFIABLE,
-        code: "range_not_satisfiable",
-        detail: format!("{} does not have the bytes that were asked for", file.file_name),
-        hint: "the Content-Range header gives the length".into(),
-        param: None,
-    };
-    let length = refused.headers().get(header::CONTENT_RANGE).cloned();
-    let mut response = problem.into_response();
-    if let Some(length) = length {
-        response.headers_mut().insert(header::CONTENT_RANGE, length);
-    }
-    response
 }
 
 #[cfg(test)]
