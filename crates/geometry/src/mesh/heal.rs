@@ -170,7 +170,7 @@ fn orient(mesh: &mut Mesh, healing: &mut Healing) {
         }
     }
     let (patch_of, mut is_turned, patches) = patches(mesh, &twins);
-    let turns = outward(&patches);
+    let turns = outward(mesh, &patch_of, &patches);
     for (turned, &patch) in is_turned.iter_mut().zip(&patch_of) {
         *turned ^= turns[patch];
     }
@@ -213,6 +213,8 @@ struct Patch {
     /// Enclosed volume about its middle, negative if it is inside out.
     volume: f64,
     bounds: [Vec3; 2],
+    /// One of its corners.
+    corner: DVec3,
     is_closed: bool,
 }
 
@@ -253,25 +255,46 @@ fn patches(mesh: &Mesh, twins: &[usize]) -> (Vec<usize>, Vec<bool>, Vec<Patch>) 
             let [a, b, c] = corners(i).map(|p| p.as_dvec3() - middle);
             a.dot(b.cross(c)) / if is_turned[i] { -6.0 } else { 6.0 }
         });
-        patches.push(Patch { volume: volumes.sum(), bounds, is_closed });
+        let (volume, corner) = (volumes.sum(), corners(seed)[0].as_dvec3());
+        patches.push(Patch { volume, bounds, corner, is_closed });
     }
     (patch_of, is_turned, patches)
 }
 
 /// Which patches must turn to face outward.
 ///
-/// A closed patch within the largest that faces the other way in the file is a cavity and faces inward.
-fn outward(patches: &[Patch]) -> Vec<bool> {
-    let closed = patches.iter().filter(|patch| patch.is_closed);
-    let largest = closed.max_by(|a, b| a.volume.abs().total_cmp(&b.volume.abs()));
+/// A closed patch inside the largest that faces the other way in the file is a cavity and faces inward.
+fn outward(mesh: &Mesh, patch_of: &[usize], patches: &[Patch]) -> Vec<bool> {
+    let closed = (0..patches.len()).filter(|&i| patches[i].is_closed);
+    let largest =
+        closed.max_by(|&a, &b| patches[a].volume.abs().total_cmp(&patches[b].volume.abs()));
     let is_cavity = |patch: &Patch| {
-        largest.is_some_and(|shell| {
+        largest.is_some_and(|largest| {
+            let shell = &patches[largest];
             let is_within = patch.bounds[0].cmpgt(shell.bounds[0]).all()
                 && patch.bounds[1].cmplt(shell.bounds[1]).all();
-            patch.is_closed && is_within && patch.volume * shell.volume < 0.0
+            let is_against = patch.volume * shell.volume < 0.0;
+            // What lies in a cup is within its bounds, but not inside.
+            let triangles = mesh.triangles.iter().zip(patch_of);
+            let triangles = triangles.filter(|(_, of)| **of == largest);
+            let corners = triangles.map(|(t, _)| t.map(|v| mesh.vertices[v as usize].as_dvec3()));
+            patch.is_closed && is_within && is_against && is_inside(patch.corner, corners)
         })
     };
     patches.iter().map(|patch| (patch.volume < 0.0) != is_cavity(patch)).collect()
+}
+
+/// Whether a closed surface is round a point: a ray, along no axis, leaves it once more than it enters.
+fn is_inside(point: DVec3, surface: impl Iterator<Item = [DVec3; 3]>) -> bool {
+    const RAY: DVec3 = DVec3::new(0.437, 0.293, 0.851);
+    let is_crossed = |triangle: [DVec3; 3]| {
+        let [a, b, c] = triangle.map(|corner| corner - point);
+        let sides = [a.cross(b), b.cross(c), c.cross(a)].map(|side| side.dot(RAY));
+        let passes = sides.iter().all(|&s| s > 0.0) || sides.iter().all(|&s| s < 0.0);
+        let normal = (b - a).cross(c - a);
+        passes && a.dot(normal) * RAY.dot(normal) > 0.0
+    };
+    surface.filter(|&triangle| is_crossed(triangle)).count() % 2 == 1
 }
 
 #[cfg(test)]
@@ -343,6 +366,23 @@ mod tests {
         for mesh in [hollow.clone(), turned(&hollow, |_| true)] {
             let (mesh, healing) = heal(mesh).unwrap();
             assert_eq!((samples::volume(&mesh), healing.watertight), (0.875, true));
+        }
+    }
+
+    #[test]
+    fn what_lies_in_a_cup_is_no_cavity() {
+        // A gutter, 4 by 4 by 3, whose walls and floor are 1 thick, and a cube of 0.5 in it.
+        let outline =
+            [[0., 0.], [4., 0.], [4., 4.], [3., 4.], [3., 1.], [1., 1.], [1., 4.], [0., 4.]];
+        let caps = [[0, 1, 5], [1, 4, 5], [1, 2, 3], [1, 3, 4], [0, 5, 6], [0, 6, 7]];
+        let gutter = samples::prism(&outline, &caps, 3.0);
+        let at = |x: f32, y: f32| {
+            samples::cuboid(Vec3::new(x, y, 1.0), Vec3::new(x + 0.5, y + 0.5, 1.5))
+        };
+        for (cube, volume) in [(at(1.75, 2.0), 30.0 + 0.125), (at(0.25, 2.0), 30.0 - 0.125)] {
+            let (mesh, _) =
+                heal(samples::union(&[gutter.clone(), turned(&cube, |_| true)])).unwrap();
+            assert_eq!(samples::volume(&mesh), volume);
         }
     }
 
