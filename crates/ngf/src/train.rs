@@ -71,6 +71,14 @@ fn share(text: &str) -> Result<f64, String> {
     }
 }
 
+fn norm(text: &str) -> Result<f32, String> {
+    match text.parse() {
+        Ok(norm) if norm > 0.0 && norm < f32::INFINITY => Ok(norm),
+        Ok(_) => Err("it must be more than 0, and finite".into()),
+        Err(error) => Err(format!("{error}")),
+    }
+}
+
 fn rate(text: &str) -> Result<f32, String> {
     match text.parse() {
         Ok(rate) if rate > 0.0 && rate < 1.0 => Ok(rate),

@@ -167,6 +167,8 @@ fn another_training_refuses_the_checkpoints_and_leaves_what_is_told_of_the_first
 fn what_makes_no_sense_is_refused() {
     for (words, why) in [
         (&["--rate", "-1"][..], "between 0 and 1"),
+        (&["--clip", "0"][..], "more than 0, and finite"),
+        (&["--clip", "inf"], "more than 0, and finite"),
         (&["--horizon", "60000"], "60000"),
         (&["--policy", "mlp-pcd", "--potential-share", "0.5"], "is of a fabric's networks"),
     ] {

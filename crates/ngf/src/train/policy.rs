@@ -2,7 +2,7 @@
 
 use super::exam::Exam;
 use super::log::Log;
-use super::{Run, STOPPED, at_least_one, refuse_same, share};
+use super::{Run, STOPPED, at_least_one, norm, refuse_same, share};
 use crate::report;
 use ::policy::PolicyConfig;
 use ::policy::model::ModelConfig;
@@ -43,6 +43,9 @@ pub(crate) struct Options {
     /// all its networks from the beginning.
     #[arg(long, value_name = "SHARE", value_parser = share, conflicts_with = "from")]
     potential_share: Option<f64>,
+    /// Norm to which a gradient is cut, instead of the standard one; 1e9 cuts none.
+    #[arg(long, value_name = "NORM", value_parser = norm, allow_negative_numbers = true)]
+    clip: Option<f32>,
     /// Learn from the first so many poses of each object only; the same ones are held out.
     #[arg(long, value_parser = at_least_one)]
     poses: Option<usize>,
@@ -65,6 +68,7 @@ pub(super) fn train(options: &Options) -> Result<()> {
     config.batch = run.batch.unwrap_or(config.batch);
     config.rate = run.rate.unwrap_or(config.rate);
     config.span = run.checkpoint.map_or(config.span, |steps| steps as u64);
+    config.clip = options.clip.unwrap_or(config.clip);
     config.horizon = options.horizon.map_or(config.horizon, usize::from);
     config.potential_share = options.potential_share.unwrap_or(config.potential_share);
     if config.horizon == 1 {
