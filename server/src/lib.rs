@@ -27,7 +27,7 @@ use tower_http::map_request_body::MapRequestBodyLayer;
 use tower_http::timeout::RequestBodyTimeoutLayer;
 
 pub use limits::Limits;
-pub use problem::Problem;
+pub use problem::{Code, Problem};
 pub use state::AppState;
 
 /// The description of all requests (OpenAPI 3.1).

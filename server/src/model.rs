@@ -1,6 +1,6 @@
 //! A model as a folder of files: `models/<id>/`.
 
-use crate::{AppState, Problem};
+use crate::{AppState, Code, Problem};
 use axum::http::StatusCode;
 use serde_json::{Map, Value, json};
 use std::path::PathBuf;
@@ -58,7 +58,7 @@ impl Model {
     pub(crate) async fn find(state: &AppState, id: &str) -> Result<Self, Problem> {
         let missing = Problem {
             status: StatusCode::NOT_FOUND,
-            code: "model_not_found",
+            code: Code::ModelNotFound,
             detail: format!("there is no model \"{id}\""),
             hint: "GET /api/v1/models lists the models; `ngf train` makes one".into(),
             param: None,
@@ -69,7 +69,7 @@ impl Model {
         if !is_id(id) {
             return Err(Problem {
                 status: StatusCode::BAD_REQUEST,
-                code: "invalid_model_id",
+                code: Code::InvalidModelId,
                 detail: "a model id has 1 to 64 lower-case letters, digits and hyphens".into(),
                 hint: "GET /api/v1/models lists the ids".into(),
                 param: None,
@@ -145,7 +145,7 @@ impl Model {
         };
         serde_json::from_slice(&text).map_err(|error| Problem {
             status: StatusCode::INTERNAL_SERVER_ERROR,
-            code: "card_invalid",
+            code: Code::CardInvalid,
             detail: format!("card.json of model \"{}\" is not JSON: {error}", self.id),
             hint: "delete it, then write it again with `ngf evaluate --card FILE`".into(),
             param: None,

@@ -274,7 +274,8 @@ mod tests {
             message(&good.replace("mass value=\"2.73\"", "mass value=\"NaN\"")).contains("NaN")
         );
         for axis in ["0 0 one 1", "0 0 inf", "0 0"] {
-            let text = message(&good.replace("axis xyz=\"0 0 1\"", &format!("axis xyz=\"{axis}\"")));
+            let text =
+                message(&good.replace("axis xyz=\"0 0 1\"", &format!("axis xyz=\"{axis}\"")));
             assert!(text.contains("three finite numbers as xyz") && text.contains(axis), "{text}");
         }
         assert!(message(&good.replace("revolute", "ball")).contains("ball"));

@@ -47,7 +47,11 @@ impl Attempt {
                 let is_shifted = object.distance(self.story.start) > APPROACH_SHIFT;
                 if is_shifted && !self.controller.knows_the_place() {
                     let is_touched = self.story.is_touched;
-                    return self.fail(if is_touched { Failure::Collided } else { Failure::Shifted });
+                    return self.fail(if is_touched {
+                        Failure::Collided
+                    } else {
+                        Failure::Shifted
+                    });
                 }
                 if self.controller.is_planned() {
                     if self.phase_ticks >= self.approach_ticks {

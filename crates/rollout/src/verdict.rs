@@ -119,7 +119,8 @@ mod tests {
     #[test]
     fn reasons_follow_the_object() {
         let reason = |highest, x, z, loss| {
-            Story { start: Vec3::ZERO, highest, is_touched: true }.reason(Vec3::new(x, 0.0, z), loss)
+            Story { start: Vec3::ZERO, highest, is_touched: true }
+                .reason(Vec3::new(x, 0.0, z), loss)
         };
         assert_eq!(reason(0.0, 0.01, 0.0, Loss::Low), Failure::Missed);
         assert_eq!(reason(0.0, 0.09, 0.0, Loss::Low), Failure::PushedAway);

@@ -54,7 +54,8 @@ impl Content<'_> {
         let common = (tag, [(header::CACHE_CONTROL, self.cache), (header::ACCEPT_RANGES, "bytes")]);
         let kind = [(header::CONTENT_TYPE, self.content_type)];
         let long = |bytes: u64| [(header::CONTENT_LENGTH, bytes)];
-        let of_all = |part: String| [(header::CONTENT_RANGE, format!("bytes {part}/{}", self.bytes))];
+        let of_all =
+            |part: String| [(header::CONTENT_RANGE, format!("bytes {part}/{}", self.bytes))];
         Ok(match self.wanted(headers) {
             Wanted::Nothing => (StatusCode::NOT_MODIFIED, common).into_response(),
             Wanted::All => {

@@ -6,7 +6,7 @@ use crate::extract::{Path, Query};
 use crate::model::{Model, ModelFile, OF_JOB};
 use crate::state::{DEFAULT, Hashed};
 use crate::store::RecordKind;
-use crate::{AppState, Problem};
+use crate::{AppState, Code, Problem};
 use axum::Json;
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode, Uri};
@@ -178,7 +178,7 @@ fn no_file(id: &str, name: &str) -> Problem {
     let known = ModelFile::ALL.map(|file| file.name).join(", ");
     Problem {
         status: StatusCode::NOT_FOUND,
-        code: "model_file_not_found",
+        code: Code::ModelFileNotFound,
         detail: format!("model \"{id}\" has no file \"{name}\""),
         hint: format!("the files of a model are {known}; its card lists those that it has"),
         param: None,
@@ -188,7 +188,7 @@ fn no_file(id: &str, name: &str) -> Problem {
 fn other_content(id: &str, hash: &str) -> Problem {
     Problem {
         status: StatusCode::NOT_FOUND,
-        code: "model_changed",
+        code: Code::ModelChanged,
         detail: format!("model \"{id}\" no longer has the content that was asked for"),
         hint: format!("its file now has the hash {hash}; read the card again"),
         param: None,

@@ -2,7 +2,7 @@
 
 use super::meshes::MOST_BYTES;
 use crate::extract::MOST_BODY;
-use crate::{AppState, Problem};
+use crate::{AppState, Code, Problem};
 use axum::Json;
 use axum::extract::State;
 use axum::http::header;
@@ -27,8 +27,8 @@ struct ProblemDetails {
     status: u16,
     /// What happened to this request.
     detail: String,
-    /// Stable name of this kind of problem.
-    code: String,
+    /// Which kind of problem.
+    code: Code,
     /// What to do about it.
     hint: String,
     /// Which parameters are meant, where some are.
@@ -55,6 +55,7 @@ pub(super) fn described(mut api: OpenApi) -> OpenApi {
         .build();
     let components = api.components.get_or_insert_with(Components::new);
     components.schemas.insert("Problem".into(), ProblemDetails::schema());
+    components.schemas.insert("Code".into(), Code::schema());
     components.schemas.insert("WrongParameter".into(), WrongParameter::schema());
     let bearer = HttpBuilder::new().scheme(HttpAuthScheme::Bearer).build();
     components.add_security_scheme("token", SecurityScheme::Http(bearer));

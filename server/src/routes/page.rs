@@ -1,6 +1,6 @@
 //! The built page: files of one folder, compressed beforehand.
 
-use crate::{AppState, Problem};
+use crate::{AppState, Code, Problem};
 use axum::extract::{Request, State};
 use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
@@ -25,7 +25,7 @@ pub(crate) async fn file(State(state): State<AppState>, request: Request) -> Res
         }
         status if status.is_client_error() || status.is_server_error() => Problem {
             status,
-            code: "file_refused",
+            code: Code::FileRefused,
             detail: format!("{path} could not be served as asked"),
             hint: "ask for the whole file, without conditions".into(),
             param: None,
@@ -43,7 +43,7 @@ pub(crate) async fn file(State(state): State<AppState>, request: Request) -> Res
 fn not_built() -> Problem {
     Problem {
         status: StatusCode::NOT_FOUND,
-        code: "page_not_built",
+        code: Code::PageNotBuilt,
         detail: "the page has not been built yet".into(),
         hint: "`cargo xtask demo` builds and serves it; or give its folder with --web".into(),
         param: None,

@@ -11,5 +11,8 @@ fn the_description_is_the_one_that_was_reviewed() {
         std::fs::write(&path, &now).expect("a file");
     }
     let before = std::fs::read_to_string(&path).unwrap_or_default();
-    assert!(now == before, "server/openapi.json is not what the code says");
+    assert!(
+        now == before,
+        "server/openapi.json is not what the code says; if it should: NGF_WRITE=1 cargo test -p server openapi"
+    );
 }
