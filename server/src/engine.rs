@@ -131,7 +131,10 @@ impl Engine {
         };
         // What was on its way to the server before is sent again.
         std::fs::remove_dir_all(engine.incoming()).ok();
-        std::fs::create_dir_all(engine.incoming()).map_err(|error| failed(&error))?;
+        for folder in [engine.incoming(), engine.work_folder()] {
+            std::fs::create_dir_all(folder).map_err(|error| failed(&error))?;
+        }
+        engine.tidy_up().await.map_err(|error| failed(&error))?;
         Ok(Arc::new(engine))
     }
 
@@ -206,7 +209,12 @@ impl Engine {
 
     /// Folder of a job.
     pub(crate) fn folder(&self, id: &str) -> PathBuf {
-        self.config.data.join("work").join(id)
+        self.work_folder().join(id)
+    }
+
+    /// Folder of the folders of jobs.
+    fn work_folder(&self) -> PathBuf {
+        self.config.data.join("work")
     }
 
     /// Folder of a dataset, by its hash.

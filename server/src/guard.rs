@@ -38,7 +38,7 @@ impl Pace {
 pub(crate) async fn guard(State(state): State<AppState>, request: Request, next: Next) -> Response {
     let is_read = matches!(*request.method(), Method::GET | Method::HEAD | Method::OPTIONS);
     // A job's process has a token of its own, and reports as often as it has to.
-    let is_report = request.uri().path().ends_with("/reports");
+    let is_report = is_report(request.method(), request.uri().path());
     if !is_read {
         if let Some(origin) = foreign_origin(request.headers(), &state) {
             return Problem::foreign_origin(&origin).into_response();
@@ -63,6 +63,12 @@ pub(crate) async fn guard(State(state): State<AppState>, request: Request, next:
         }
     }
     next.run(request).await
+}
+
+/// Whether a request reports on a job.
+fn is_report(method: &Method, path: &str) -> bool {
+    let id = path.strip_prefix("/api/v1/jobs/").and_then(|rest| rest.strip_suffix("/reports"));
+    method == Method::POST && id.is_some_and(|id| !id.contains('/'))
 }
 
 /// Whether a host is this machine. A page can give its own name our address; it cannot take ours.
@@ -94,6 +100,16 @@ fn foreign_origin(headers: &HeaderMap, state: &AppState) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn only_a_report_is_a_report() {
+        assert!(is_report(&Method::POST, "/api/v1/jobs/job_1/reports"));
+        for path in ["/api/v1/jobs/reports", "/api/v1/jobs/a/b/reports", "/api/v1/models/a/reports"]
+        {
+            assert!(!is_report(&Method::POST, path), "{path}");
+        }
+        assert!(!is_report(&Method::DELETE, "/api/v1/jobs/job_1/reports"));
+    }
 
     #[test]
     fn only_this_machine_is_this_machine() {

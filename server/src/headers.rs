@@ -1,6 +1,7 @@
 //! Headers that every answer carries.
 
 use crate::observe::REQUEST_ID;
+use axum::extract::Request;
 use axum::http::{
     Extensions, HeaderMap, HeaderName, HeaderValue, Method, StatusCode, Version, header,
 };
@@ -64,6 +65,16 @@ pub(crate) fn shared(origins: &[HeaderValue]) -> Option<CorsLayer> {
     })
 }
 
+/// Who refuses the plain form gets it all the same: the compression would answer with 406 when the work is done.
+pub(crate) async fn lenient(mut request: Request) -> Request {
+    let accepted = request.headers().get(header::ACCEPT_ENCODING);
+    let accepted = accepted.and_then(|value| value.to_str().ok()).unwrap_or_default();
+    if accepted.split(',').any(|one| one.replace(' ', "").ends_with(";q=0")) {
+        request.headers_mut().remove(header::ACCEPT_ENCODING);
+    }
+    request
+}
+
 fn is_json(headers: &HeaderMap) -> bool {
     let kind = headers.get(header::CONTENT_TYPE).and_then(|value| value.to_str().ok());
     kind.is_some_and(|kind| kind.starts_with("application/json"))
@@ -72,11 +83,12 @@ fn is_json(headers: &HeaderMap) -> bool {
 /// Shorter answers gain nothing.
 const WORTH_COMPRESSING: u64 = 1024;
 
-/// Compresses answers in JSON. Weights would gain a quarter (gzip -9) and lose ranges; the page is compressed beforehand; a
+/// Compresses answers in JSON that are made for who asks. Weights would gain a quarter (gzip -9) and lose ranges; the page is compressed beforehand; a
 /// stream must come through as it is.
 pub(crate) fn compressed() -> CompressionLayer<impl Predicate> {
     let is_worth_it = |_: StatusCode, _: Version, headers: &HeaderMap, _: &Extensions| {
-        is_json(headers) && !headers.contains_key(header::CONTENT_RANGE)
+        // Of what can be had in parts, the parts and the length are those of the plain form.
+        is_json(headers) && !headers.contains_key(header::ACCEPT_RANGES)
     };
     CompressionLayer::new().compress_when(SizeAbove::new(WORTH_COMPRESSING).and(is_worth_it))
 }

@@ -43,12 +43,18 @@ pub fn app(state: AppState) -> axum::Router {
     let guard = axum::middleware::from_fn_with_state(state.clone(), guard::guard);
     let observe = axum::middleware::from_fn_with_state(state.clone(), observe::observe);
     let secure = axum::middleware::map_response(headers::secure);
+    let lenient = axum::middleware::map_request(headers::lenient);
     let caught = CatchPanicLayer::custom(|_| Problem::panicked().into_response());
     let (router, _) = routes::router();
     let in_time = ServiceBuilder::new()
         .layer(RequestBodyTimeoutLayer::new(SILENCE))
         .layer(MapRequestBodyLayer::new(Body::new));
-    let router = router.layer(headers::compressed()).layer(caught).layer(in_time).layer(guard);
+    let router = router
+        .layer(headers::compressed())
+        .layer(lenient)
+        .layer(caught)
+        .layer(in_time)
+        .layer(guard);
     let router = match headers::shared(&state.origins) {
         Some(shared) => router.layer(shared),
         None => router,

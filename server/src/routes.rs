@@ -47,12 +47,12 @@ pub(crate) fn router() -> (Router<AppState>, OpenApi) {
         .routes(routes!(datasets::episodes))
         .routes(routes!(datasets::episode))
         .layer(DefaultBodyLimit::max(MOST_BODY));
-    // An upload has bounds of its own; those of the extractor for forms are narrower.
+    // An upload has bounds of its own; this one is of a form, with what is about its file.
     let meshes = OpenApiRouter::new()
         .routes(routes!(meshes::list, meshes::upload))
         .routes(routes!(meshes::get, meshes::delete))
         .routes(routes!(meshes::file))
-        .layer(DefaultBodyLimit::disable());
+        .layer(DefaultBodyLimit::max(meshes::MOST_BYTES + meshes::FORM));
     let v1 = OpenApiRouter::new()
         .routes(routes!(models::list))
         .routes(routes!(models::card, models::delete))

@@ -9,20 +9,31 @@ use serde_json::json;
 impl Engine {
     /// Asks that a job is cancelled; harmless if it is.
     pub(crate) async fn cancel(&self, id: &str) -> Result<Job, Problem> {
-        self.ask(id, |job, news| match job.status {
-            Status::Queued | Status::Paused => {
-                job.close(Status::Cancelled, news);
-                Ok(())
-            }
-            Status::Running => {
-                (job.status, job.wish) = (Status::Cancelling, Wish::Cancel);
-                news.push(News::new(Type::Status, "cancelling", json!({ "status": job.status })));
-                Ok(())
-            }
-            Status::Cancelling | Status::Cancelled => Ok(()),
-            Status::Succeeded | Status::Failed => Err(Problem::invalid_state(job, "cancelled")),
-        })
-        .await
+        let mut is_over = false;
+        let job = self
+            .ask(id, |job, news| match job.status {
+                Status::Queued | Status::Paused => {
+                    job.close(Status::Cancelled, news);
+                    is_over = true;
+                    Ok(())
+                }
+                Status::Running => {
+                    (job.status, job.wish) = (Status::Cancelling, Wish::Cancel);
+                    news.push(News::new(
+                        Type::Status,
+                        "cancelling",
+                        json!({ "status": job.status }),
+                    ));
+                    Ok(())
+                }
+                Status::Cancelling | Status::Cancelled => Ok(()),
+                Status::Succeeded | Status::Failed => Err(Problem::invalid_state(job, "cancelled")),
+            })
+            .await?;
+        if is_over {
+            self.metrics.ended(&job);
+        }
+        Ok(job)
     }
 
     /// Asks that a job is paused.

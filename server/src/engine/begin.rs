@@ -56,7 +56,7 @@ impl Engine {
             None => None,
         };
         let model = match job.inputs.encoder_id.as_ref().or(job.inputs.model_id.as_ref()) {
-            Some(id) => self.model_folder(id, &folder).await?,
+            Some(id) => Some(self.model_folder(id, &folder).await?),
             None => None,
         };
         let mesh = match &job.inputs.mesh_id {

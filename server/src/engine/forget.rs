@@ -54,6 +54,22 @@ impl Engine {
         }
     }
 
+    /// Removes what a server that was killed left of what it was forgetting or keeping: folders of jobs that are no more,
+    /// and files of meshes that came to be none.
+    pub(super) async fn tidy_up(&self) -> Result<(), StoreError> {
+        let mut entries = tokio::fs::read_dir(self.work_folder()).await?;
+        while let Some(entry) = entries.next_entry().await? {
+            let id = entry.file_name().to_string_lossy().into_owned();
+            if self.store.job(&id).await?.is_none() {
+                self.remove_folder(&id).await;
+            }
+        }
+        for id in self.store.meshes_without_record().await? {
+            self.store.forget_files(&id, None).await?;
+        }
+        Ok(())
+    }
+
     /// Forgets a model of a job, with those of its files that no other model has.
     pub(crate) async fn forget_model(&self, record: &Value) -> Result<(), StoreError> {
         let text = |name: &str| record[name].as_str().unwrap_or_default();

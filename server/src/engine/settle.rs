@@ -117,7 +117,10 @@ impl Engine {
         // A process may have ended while the server did what it had asked for, and the next one asks already.
         let _alone = self.taking.lock().await;
         for (step, folder) in checkpoints(&self.folder(&job.id).join(command::OUT))? {
-            self.keep_checkpoint(job, step, &folder).await?;
+            // What is taken already may lie there in part, where its removal was interrupted.
+            if step > job.checkpoint_step {
+                self.keep_checkpoint(job, step, &folder).await?;
+            }
             tokio::fs::remove_dir_all(&folder).await?;
         }
         Ok(())
@@ -210,10 +213,13 @@ impl Engine {
         &self,
         id: &str,
         folder: &Path,
-    ) -> Result<Option<PathBuf>, StoreError> {
-        let Some(record) = self.store.record(RecordKind::Model, id).await? else {
-            return Ok(Some(self.models().join(id)));
-        };
+    ) -> Result<PathBuf, StoreError> {
+        if !id.starts_with(OF_JOB) {
+            return Ok(self.models().join(id));
+        }
+        let record = self.store.record(RecordKind::Model, id).await?;
+        let gone = || io::Error::other(format!("the model {id} was deleted"));
+        let record = record.ok_or_else(gone)?;
         let copies = folder.join("in").join(id);
         for (name, file) in record["files"].as_object().into_iter().flatten() {
             let hash = file["blake3"].as_str().unwrap_or_default();
@@ -221,7 +227,7 @@ impl Engine {
                 self.store.copy_to(hash, &copies.join(name)).await?;
             }
         }
-        Ok(Some(copies))
+        Ok(copies)
     }
 
     /// A copy of a mesh in the folder of a job, under the name that the object will have.

@@ -2,7 +2,7 @@
 
 use crate::Problem;
 use axum::body::Body;
-use axum::http::{HeaderMap, HeaderName, StatusCode, header};
+use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use http_range_header::parse_range_header;
 use std::io::{self, SeekFrom};
@@ -79,50 +79,55 @@ impl Content<'_> {
     }
 
     fn wanted(&self, headers: &HeaderMap) -> Wanted {
-        if self.is_named(headers, header::IF_NONE_MATCH) {
+        let text = |name| headers.get(name).and_then(|value| value.to_str().ok());
+        let tag = self.tag();
+        if tag.as_deref().is_some_and(|tag| is_known(headers, tag)) {
             return Wanted::Nothing;
         }
         let is_same =
-            !headers.contains_key(header::IF_RANGE) || self.is_named(headers, header::IF_RANGE);
-        let range = headers.get(header::RANGE).and_then(|range| range.to_str().ok());
-        // What cannot be read counts as not asked for.
-        let range = range.filter(|range| is_same && !is_whole(range, self.bytes));
-        let Some(range) = range.and_then(|range| parse_range_header(range).ok()) else {
+            !headers.contains_key(header::IF_RANGE) || text(header::IF_RANGE) == tag.as_deref();
+        // What cannot be read counts as not asked for, and nothing has no parts.
+        let range = text(header::RANGE).filter(|range| is_same && !is_whole(range, self.bytes));
+        let range = range.and_then(|range| parse_range_header(range).ok());
+        // Several ranges at once: all of it is as good an answer.
+        let Some(range) = range.filter(|range| range.ranges.len() == 1) else {
             return Wanted::All;
         };
         match range.validate(self.bytes).as_deref() {
             Ok([one]) => Wanted::Part(*one.start()..*one.end() + 1),
-            // Several ranges at once: all of it is as good an answer.
-            Ok(_) => Wanted::All,
-            Err(_) => Wanted::Beyond,
+            _ => Wanted::Beyond,
         }
     }
-
-    /// Whether a header names this, alone or in a list, or whatever there is (`*`).
-    fn is_named(&self, headers: &HeaderMap, header: HeaderName) -> bool {
-        let Some(own) = self.tag() else { return false };
-        let values = headers.get_all(header).into_iter().filter_map(|value| value.to_str().ok());
-        let mut tags = values.flat_map(|value| value.split(',')).map(str::trim);
-        tags.any(|tag| tag == "*" || tag.trim_start_matches("W/") == own)
-    }
 }
 
-/// Whether a range asks for the end of something that is no longer than that end: then it is all of it.
+/// Whether `If-None-Match` names this tag, alone or in a list, weakened by a proxy or not, or whatever there is (`*`).
+pub(super) fn is_known(headers: &HeaderMap, own: &str) -> bool {
+    let values = headers.get_all(header::IF_NONE_MATCH).into_iter();
+    let values = values.filter_map(|value| value.to_str().ok());
+    let mut tags = values.flat_map(|value| value.split(',')).map(str::trim);
+    tags.any(|tag| tag == "*" || tag.trim_start_matches("W/") == own)
+}
+
+/// Whether a range is all there is: the end of something that is no longer than that end, or a part of nothing.
 fn is_whole(range: &str, bytes: u64) -> bool {
     let end = range.strip_prefix("bytes=-").and_then(|end| end.parse::<u64>().ok());
-    end.is_some_and(|end| end > 0 && end >= bytes)
+    bytes == 0 || end.is_some_and(|end| end > 0 && end >= bytes)
 }
+
+/// Bytes of a file that are in memory at a time.
+const PIECE: usize = 1 << 16;
 
 /// A part of a file.
 pub(super) async fn part_of(path: &Path, range: Range<u64>) -> io::Result<Body> {
     let mut file = File::open(path).await?;
     file.seek(SeekFrom::Start(range.start)).await?;
-    Ok(Body::from_stream(ReaderStream::new(file.take(range.end - range.start))))
+    Ok(Body::from_stream(ReaderStream::with_capacity(file.take(range.end - range.start), PIECE)))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use axum::http::HeaderName;
 
     fn wanted(bytes: u64, headers: &[(HeaderName, &'static str)]) -> Wanted {
         let content = Content {
@@ -153,19 +158,23 @@ mod tests {
         assert_eq!(range("bytes=2-4"), Wanted::Part(2..5));
         assert_eq!(range("bytes=2-"), Wanted::Part(2..10));
         assert_eq!(range("bytes=-3"), Wanted::Part(7..10));
-        for all in ["bytes=-10", "bytes=-11", "bytes=0-1,4-5", "lines=2-4", "bytes=x"] {
+        for all in ["bytes=-10", "bytes=-11", "bytes=0-1,40-50", "lines=2-4", "bytes=x"] {
             assert_eq!(range(all), Wanted::All, "{all}");
         }
         for beyond in ["bytes=10-", "bytes=10-12"] {
             assert_eq!(range(beyond), Wanted::Beyond, "{beyond}");
         }
-        assert_eq!(wanted(0, &[(header::RANGE, "bytes=-1")]), Wanted::All);
+        for of_nothing in ["bytes=-1", "bytes=0-", "bytes=0-0", "bytes=4-"] {
+            assert_eq!(wanted(0, &[(header::RANGE, of_nothing)]), Wanted::All, "{of_nothing}");
+        }
     }
 
     #[test]
     fn a_part_of_something_else_is_all_of_this() {
         let range = (header::RANGE, "bytes=2-4");
         assert_eq!(wanted(10, &[range.clone(), (header::IF_RANGE, "\"ab\"")]), Wanted::Part(2..5));
-        assert_eq!(wanted(10, &[range, (header::IF_RANGE, "\"old\"")]), Wanted::All);
+        for other in ["\"old\"", "W/\"ab\"", "*"] {
+            assert_eq!(wanted(10, &[range.clone(), (header::IF_RANGE, other)]), Wanted::All);
+        }
     }
 }

@@ -76,6 +76,7 @@ pub(crate) async fn logs(
     let content_type = "text/plain; charset=utf-8";
     let content = Content { name: "the log", hash: None, bytes, content_type, cache: NOT_KEPT };
     let part = async |part: Range<u64>| match part.is_empty() {
+        // It may not even be there.
         true => Ok(Body::empty()),
         false => part_of(&path, part).await.map_err(|error| Problem::unreadable(&error)),
     };

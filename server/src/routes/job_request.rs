@@ -95,7 +95,7 @@ fn said<'de, D: serde::Deserializer<'de>, T: Deserialize<'de>>(
 
 /// Bounds of what may be said of a job.
 const MOST_NAME: usize = 200;
-const MOST_METADATA: usize = 16;
+pub(super) const MOST_METADATA: usize = 16;
 const MOST_KEY: usize = 64;
 const MOST_VALUE: usize = 512;
 

@@ -1,8 +1,10 @@
 //! Jobs over HTTP.
 
 use super::Jobs;
+use super::content::{NOT_KEPT, is_known};
 use super::job_request::{
-    JobPatch, JobRequest, Request, Verb, checked_metadata, checked_name, flag, read_json,
+    JobPatch, JobRequest, MOST_METADATA, Request, Verb, checked_metadata, checked_name, flag,
+    read_json,
 };
 use super::list::{Page, STANDARD_LIMIT, limit};
 use crate::engine::{Engine, Report};
@@ -132,6 +134,10 @@ pub(crate) async fn list(
             "order" if value == "asc" || value == "desc" => filter.oldest_first = value == "asc",
             "order" => return Err(Problem::invalid("order", "it is asc or desc")),
             name => match name.strip_prefix("metadata[").and_then(|rest| rest.strip_suffix(']')) {
+                Some(_) if filter.metadata.len() == MOST_METADATA => {
+                    let most = format!("jobs have {MOST_METADATA} entries at most");
+                    return Err(Problem::invalid("metadata", most));
+                }
                 Some(key) => filter.metadata.push((key.to_owned(), value)),
                 None => return Err(Problem::invalid(name, "there is no such filter")),
             },
@@ -166,16 +172,19 @@ pub(crate) async fn get(
 ) -> Result<Response, Problem> {
     let mut news = engine.store.news();
     let mut job = find(&engine, &id).await?;
-    let known = headers.get(header::IF_NONE_MATCH).and_then(|tag| tag.to_str().ok());
     if let Some(wait) = query.get("wait") {
         let seconds: f64 = wait.trim_end_matches('s').parse().unwrap_or(-1.0);
         if !(0.0..=MOST_WAIT.as_secs_f64()).contains(&seconds) {
             return Err(Problem::invalid("wait", "it is a number of seconds up to 60, as 30s"));
         }
         // Whoever does not say what is known waits for the next change.
-        let before = known.map_or_else(|| tag(&job), str::to_owned);
+        let first = tag(&job);
+        let is_known = |job: &Job| match headers.contains_key(header::IF_NONE_MATCH) {
+            true => is_known(&headers, &tag(job)),
+            false => tag(job) == first,
+        };
         let changed = async {
-            while tag(&job) == before && !job.status.is_terminal() {
+            while is_known(&job) && !job.status.is_terminal() {
                 if news.changed().await.is_err() {
                     break;
                 }
@@ -189,11 +198,11 @@ pub(crate) async fn get(
         job = find(&engine, &id).await?;
     }
     let tag = tag(&job);
-    let headers = [(header::ETAG, tag.clone()), (header::CACHE_CONTROL, "no-store".into())];
-    if known == Some(&tag) {
-        return Ok((StatusCode::NOT_MODIFIED, headers).into_response());
+    let told = [(header::ETAG, tag.clone()), (header::CACHE_CONTROL, NOT_KEPT.into())];
+    if is_known(&headers, &tag) {
+        return Ok((StatusCode::NOT_MODIFIED, told).into_response());
     }
-    Ok((headers, Json(job.view())).into_response())
+    Ok((told, Json(job.view())).into_response())
 }
 
 fn tag(job: &Job) -> String {

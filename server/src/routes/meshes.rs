@@ -18,7 +18,7 @@ use std::collections::BTreeMap;
 use std::time::Duration;
 use tempfile::NamedTempFile;
 use tokio::io::AsyncWriteExt;
-use tokio::sync::Semaphore;
+use tokio::sync::{Mutex, Semaphore};
 
 /// Characters of a file's name that are kept.
 const MOST_NAME: usize = 100;
@@ -44,10 +44,14 @@ pub(crate) async fn upload(
     let incoming =
         NamedTempFile::new_in(engine.incoming()).map_err(|error| Problem::unreadable(&error))?;
     let read = tokio::time::timeout(MOST_TIME, read(given, request, &incoming)).await;
-    let name = plain(&read.map_err(|_| Problem::too_slow(MOST_TIME))??);
+    let read = read.map_err(|_| Problem::too_slow(MOST_TIME))?;
+    // The disk may have become full meanwhile.
+    let name = plain(&read.or_else(|refused| {
+        state.limits.leave_space(engine.data())?;
+        Err(refused)
+    })?);
     let one_of_few = INSPECTIONS.acquire().await;
     let bytes = tokio::fs::read(incoming.path()).await.map_err(|e| Problem::unreadable(&e))?;
-    state.metrics.uploaded.inc_by(bytes.len() as u64);
     let inspected = tokio::task::spawn_blocking(move || {
         // Whoever hangs up meanwhile does not make room: the work goes on.
         let _one_of_few = one_of_few;
@@ -57,8 +61,14 @@ pub(crate) async fn upload(
     let (report, bytes) = inspected.await.map_err(|_| Problem::unusable_mesh(UNREADABLE))?;
     let report = report.map_err(|error| Problem::unusable_mesh(&error.to_string()))?;
     let id = format!("msh_{}", &blake3::hash(&bytes).to_hex()[..16]);
+    let _alone = KEEPING.lock().await;
     if let Some(known) = engine.store.record(RecordKind::Mesh, &id).await? {
         return Ok(Json(known).into_response());
+    }
+    // Others may have sent theirs meanwhile.
+    state.limits.leave_space(engine.data())?;
+    if engine.store.bytes_of(RecordKind::Mesh).await? + bytes.len() as u64 > most {
+        return Err(Problem::meshes_full(most));
     }
     let artifact = engine.store.keep_bytes(&id, &name, bytes).await?;
     let record = json!({
@@ -69,9 +79,13 @@ pub(crate) async fn upload(
         },
     });
     engine.store.add_record(RecordKind::Mesh, &id, &record).await?;
+    state.metrics.uploaded.inc_by(artifact.bytes);
     let location = [(header::LOCATION, format!("/api/v1/meshes/{id}"))];
     Ok((StatusCode::CREATED, location, Json(record)).into_response())
 }
+
+/// Held by whoever keeps a mesh or forgets one: a mesh is a file and a record.
+static KEEPING: Mutex<()> = Mutex::const_new(());
 
 /// How long an upload may take: the largest one at 100 kB/s.
 const MOST_TIME: Duration = Duration::from_secs(600);
@@ -82,7 +96,7 @@ static INSPECTIONS: Semaphore = Semaphore::const_new(2);
 const UNREADABLE: &str = "it could not be read. Try another file";
 
 /// Writes what is uploaded to a file, and gives its name; refused as soon as it is known to be too long. However many
-/// send at a time, and however slowly: what they have sent lies on the disk.
+/// send at a time, and however slowly: what they have sent of a file lies on the disk.
 async fn read(
     given: Option<String>,
     request: Request,
@@ -103,7 +117,10 @@ async fn read(
         let mut form = Multipart::from_request(request, &())
             .await
             .map_err(|error| Problem::malformed_form(&error.body_text()))?;
-        let bad = |error: MultipartError| Problem::malformed_form(&error.body_text());
+        let bad = |error: MultipartError| match error.status() {
+            StatusCode::PAYLOAD_TOO_LARGE => Problem::too_large(MOST_BYTES),
+            _ => Problem::malformed_form(&error.body_text()),
+        };
         let mut fields = 0;
         let (name, mut field) = loop {
             let field = form.next_field().await.map_err(bad)?;
@@ -140,7 +157,7 @@ async fn read(
 pub(super) const MOST_BYTES: usize = 50_000_000;
 
 /// Bytes of a form about its file.
-const FORM: usize = 4096;
+pub(super) const FORM: usize = 4096;
 
 /// Fields of a form before its file.
 const MOST_FIELDS: usize = 16;
@@ -210,6 +227,7 @@ pub(crate) async fn delete(
     Jobs(engine): Jobs,
     Path(id): Path<String>,
 ) -> Result<StatusCode, Problem> {
+    let _alone = KEEPING.lock().await;
     if engine.store.record(RecordKind::Mesh, &id).await?.is_none() {
         return Err(Problem::no_record("mesh", &id));
     }

@@ -170,7 +170,16 @@ pub(crate) async fn file(
         content_type: file.content_type,
         cache: cache(&hash)?,
     };
-    let part = async |part| part_of(&path, part).await.map_err(|e| Problem::unreadable(&e));
+    let part = async |part| {
+        let body = part_of(&path, part).await;
+        // Another file may have taken its place before it was opened.
+        let now = state.hashed(vec![path.clone()]).await;
+        match now.map_err(|e| Problem::unreadable(&e))? {
+            Some(now) if now.blake3 == blake3 => body.map_err(|e| Problem::unreadable(&e)),
+            Some(now) => Err(other_content(id, &now.blake3.to_hex())),
+            None => Err(missing()),
+        }
+    };
     content.answer(&headers, part).await
 }
 

@@ -199,6 +199,16 @@ impl Store {
         self.remove_unnamed(files.into_iter().map(|(_, hash)| hash).collect()).await
     }
 
+    /// Ids under which a file of a mesh is kept, though there is no such mesh.
+    pub(crate) async fn meshes_without_record(&self) -> Result<Vec<String>, StoreError> {
+        Ok(sqlx::query_scalar(
+            "SELECT DISTINCT job FROM job_artifacts
+             WHERE substr(job, 1, 4) = 'msh_' AND job NOT IN (SELECT id FROM records)",
+        )
+        .fetch_all(&self.readers)
+        .await?)
+    }
+
     /// Removes those of these files that nothing names any more.
     pub(crate) async fn forget_unnamed(&self, hashes: Vec<String>) -> Result<(), StoreError> {
         let _alone = self.keeping.lock().await;

@@ -98,9 +98,13 @@ async fn the_page_is_checked_each_time_and_isolated() {
 async fn hashed_files_are_kept_for_ever_and_sent_compressed() {
     let folder = folder();
     let path = "/assets/page-a1b2.js";
-    for (accepted, encoding, content) in
-        [("br, gzip", "br", "brotli"), ("gzip", "gzip", "gzip"), ("identity", "", "plain")]
-    {
+    for (accepted, encoding, content) in [
+        ("br, gzip", "br", "brotli"),
+        ("gzip", "gzip", "gzip"),
+        ("identity", "", "plain"),
+        // Who refuses what there is gets it all the same.
+        ("zstd, identity;q=0", "", "plain"),
+    ] {
         let file = get_with(&folder, path, &[("accept-encoding", accepted)]).await;
         assert_eq!(header(&file, "content-encoding"), encoding);
         assert_eq!(header(&file, "vary"), "accept-encoding");
@@ -193,6 +197,31 @@ async fn weights_answer_conditions_and_ranges() {
     let beyond = get_with(&folder, path, &[("range", "bytes=10-")]).await;
     assert_eq!(header(&beyond, "content-range"), "bytes */10");
     assert_problem(beyond, StatusCode::RANGE_NOT_SATISFIABLE, "range_not_satisfiable").await;
+}
+
+#[tokio::test]
+async fn what_can_be_had_in_parts_is_sent_as_it_is() {
+    let folder = folder();
+    let config = format!("{{\"hidden\":[{}0]}}", "0,".repeat(2000));
+    fs::write(folder.path().join("models/default/config.json"), &config).expect("a file");
+    let accepted = [("accept-encoding", "gzip")];
+    let file = get_with(&folder, "/api/v1/models/default/config", &accepted).await;
+    assert_eq!(header(&file, "content-encoding"), "");
+    assert_eq!(header(&file, "accept-ranges"), "bytes");
+    assert_eq!(header(&file, "content-length"), config.len().to_string());
+    assert_eq!(bytes(file).await, config.as_bytes());
+}
+
+#[tokio::test]
+async fn weights_that_were_replaced_are_no_longer_those() {
+    let folder = folder();
+    let path = "/api/v1/models/default/weights";
+    let before = format!("{path}?blake3={}", blake3::hash(WEIGHTS));
+    assert_eq!(get(&folder, &before).await.status(), StatusCode::OK);
+    let other = vec![7; WEIGHTS.len()];
+    fs::write(folder.path().join("models/default/weights.safetensors"), &other).expect("a file");
+    assert_problem(get(&folder, &before).await, StatusCode::NOT_FOUND, "model_changed").await;
+    assert_eq!(bytes(get(&folder, path).await).await, other);
 }
 
 #[tokio::test]

@@ -178,6 +178,8 @@ async fn lists_are_read_page_by_page() {
     }
     seen.reverse();
     assert_eq!(seen, ids);
+    let many = format!("/jobs?{}", "metadata[of]=c&".repeat(1000));
+    assert_problem(send(&app, "GET", &many, "").await, 422, "invalid_parameter").await;
     let by_metadata = json_of(send(&app, "GET", "/jobs?metadata[of]=c", "").await).await;
     assert_eq!(by_metadata["data"][0]["id"], ids[2].as_str());
     assert_eq!(by_metadata["data"].as_array().unwrap().len(), 1);
@@ -248,6 +250,21 @@ async fn a_report_without_its_token_is_refused() {
 }
 
 #[tokio::test]
+async fn who_has_a_job_as_it_is_needs_nothing() {
+    let (app, _folder) = idle().await;
+    let path = format!("/jobs/{}", ask(&app, "x").await);
+    let tag = send(&app, "GET", &path, "").await.headers()["etag"].to_str().unwrap().to_owned();
+    for known in [tag.clone(), format!("W/{tag}"), format!("\"0\", {tag}"), "*".into()] {
+        for path in [path.clone(), format!("{path}?wait=0.1s")] {
+            let answer = send_with(&app, "GET", &path, "", &[("if-none-match", &known)]).await;
+            assert_eq!(answer.status(), StatusCode::NOT_MODIFIED, "{known}");
+        }
+    }
+    let other = [("if-none-match", "\"another\"")];
+    assert_eq!(send_with(&app, "GET", &path, "", &other).await.status(), StatusCode::OK);
+}
+
+#[tokio::test]
 async fn whoever_waits_is_told_of_a_change() {
     let (app, _folder) = idle().await;
     let id = ask(&app, "x").await;
@@ -261,6 +278,33 @@ async fn whoever_waits_is_told_of_a_change() {
     let (told, _) = futures_util::future::join(waiting, cancelling).await;
     assert_eq!(json_of(told).await["status"], "cancelled");
     assert!(began.elapsed().as_secs() < 10);
+}
+
+#[tokio::test]
+async fn a_log_that_is_empty_has_no_parts() {
+    let (app, _folder) = idle().await;
+    let log = format!("/jobs/{}/logs", ask(&app, "x").await);
+    for range in ["bytes=0-", "bytes=-5", "bytes=0-0"] {
+        let answer = send_with(&app, "GET", &log, "", &[("range", range)]).await;
+        assert_eq!(answer.status(), StatusCode::OK, "{range}");
+        assert_eq!(answer.headers()["content-length"], "0", "{range}");
+    }
+}
+
+#[tokio::test]
+async fn what_was_being_forgotten_when_the_server_ended_is_forgotten() {
+    let folder = tempfile::tempdir().unwrap();
+    let of_job = |id: &str| folder.path().join("data/work").join(id);
+    let id = {
+        let app = app(idle_in(folder.path()).await);
+        let id = ask(&app, "x").await;
+        for id in [&id, "job_gone"] {
+            std::fs::create_dir_all(of_job(id).join("out")).unwrap();
+        }
+        id
+    };
+    idle_in(folder.path()).await;
+    assert!(of_job(&id).exists() && !of_job("job_gone").exists());
 }
 
 #[tokio::test]

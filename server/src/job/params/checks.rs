@@ -133,7 +133,9 @@ impl Course {
         let rate = self.rate.unwrap_or(written(rate));
         let checkpoint = self.checkpoint.unwrap_or(span);
         let threads = if self.threads == 0 { threads } else { self.threads };
-        if !(rate.is_finite() && rate > 0.0 && rate < 1.0) {
+        // As it is computed with.
+        let single = rate as f32;
+        if !(single > 0.0 && single < 1.0) {
             return Err(invalid("rate", "it must be a positive number below 1"));
         }
         Ok(Self {
