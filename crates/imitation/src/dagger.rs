@@ -174,6 +174,9 @@ pub fn train(
     }
     let mut rounds = visits::read(&under_way, config.batch, lessons)?;
     let mut rng = config.generator(adam.steps);
+    if adam.steps > 0 {
+        watcher.resumed(adam.steps, config.steps, &params)?;
+    }
     let mut reporter = Reporter::new(config.span);
     while adam.steps < config.steps {
         let turn = (adam.steps % rounds.len() as u64) as usize;
@@ -286,6 +289,32 @@ mod tests {
             assert_ne!(own["lessons"], other["lessons"]);
         }
         assert_ne!(own["begin"], of(&|_| (), Some(b"weights"))["begin"]);
+    }
+
+    #[test]
+    fn whoever_goes_on_is_told_from_where() {
+        #[derive(Default)]
+        struct Notes(Vec<String>);
+        impl Watcher for Notes {
+            fn progress(&mut self, now: &Progress) -> Result<bool> {
+                self.0.push(format!("{} of {}", now.step, now.steps));
+                Ok(now.step != 4)
+            }
+            fn resumed(&mut self, step: u64, steps: u64, _: &Params) -> Result<()> {
+                self.0.push(format!("from {step} of {steps}"));
+                Ok(())
+            }
+        }
+        let tree = Tree::iiwa7_allegro().unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let config = DaggerConfig { steps: 6, batch: 4, span: 2, ..tiny() };
+        let mut notes = Notes::default();
+        for is_over in [false, true, true] {
+            let lessons = [lesson(0, 0.0), lesson(1, 0.7)];
+            let trained = train(&lessons, &tree, &config, None, folder.path(), &mut notes);
+            assert_eq!(trained.unwrap().is_some(), is_over);
+        }
+        assert_eq!(notes.0, ["2 of 6", "4 of 6", "from 4 of 6", "6 of 6", "from 6 of 6"]);
     }
 
     #[test]

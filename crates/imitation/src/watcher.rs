@@ -24,6 +24,11 @@ pub trait Watcher {
     /// after the last checkpoint is done again when it is resumed.
     fn progress(&mut self, now: &Progress) -> Result<bool>;
 
+    /// Called where a training goes on from a checkpoint: what was to follow the checkpoint may have been cut short.
+    fn resumed(&mut self, _step: u64, _steps: u64, _params: &Params) -> Result<()> {
+        Ok(())
+    }
+
     /// Something went wrong that does not end the training.
     fn warn(&mut self, _text: &str) {}
 }

@@ -6,12 +6,13 @@ use imitation::watcher::{Progress, Watcher};
 use serde_json::{Value, json};
 use std::fs::{File, OpenOptions};
 use std::io::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 /// The log of a training.
 pub(super) struct Log {
     file: File,
+    path: PathBuf,
     name: &'static str,
     /// What the loss is called, with its unit.
     loss: &'static str,
@@ -33,7 +34,7 @@ impl Log {
         let path = out.join(format!("{name}.log.jsonl"));
         let file = OpenOptions::new().create(true).append(true).open(&path);
         let file = file.with_context(|| format!("cannot write {}", path.display()))?;
-        Ok(Self { file, name, loss, batch, first: None })
+        Ok(Self { file, path, name, loss, batch, first: None })
     }
 
     /// How far it is, and how fast.
@@ -52,6 +53,13 @@ impl Log {
             "step": step, "loss": loss, "gradient_norm": now.gradient,
             "samples_per_s": rate.map(|rate| rate * self.batch as f64), "seconds_left": left,
         }))
+    }
+
+    /// Whether a step has a line with this member.
+    pub(super) fn has(&self, member: &str, step: u64) -> Result<bool> {
+        let text = std::fs::read_to_string(&self.path)?;
+        let lines = text.lines().filter_map(|line| serde_json::from_str::<Value>(line).ok());
+        Ok(lines.into_iter().any(|line| line["step"] == step && !line[member].is_null()))
     }
 
     /// What took so long was no training: the pace is told without it.

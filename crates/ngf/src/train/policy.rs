@@ -14,6 +14,7 @@ use imitation::dagger::{self, DaggerConfig};
 use imitation::encoder::TrainedEncoder;
 use imitation::lesson::Lesson;
 use imitation::model_files::{model_files, write_files, write_model};
+use imitation::nn::Params;
 use imitation::watcher::{Progress, Watcher};
 use imitation::{lesson, split};
 use serde_json::json;
@@ -160,34 +161,47 @@ struct Examiner<'a> {
 /// Steps between two examinations.
 const EXAMINATION: u64 = 10_000;
 
+impl Examiner<'_> {
+    /// Examines the policy unless that was done before, writes its model and offers it, each where it is due.
+    fn examine(&mut self, step: u64, steps: u64, params: &Params, is_new: bool) -> Result<()> {
+        let is_last = step == steps;
+        // One that was trained for a moment is not worth it.
+        let is_examined = step.is_multiple_of(EXAMINATION) || is_last && steps > EXAMINATION;
+        let is_offered = is_examined || step.is_multiple_of(self.config.span);
+        if !is_offered && !is_last {
+            return Ok(());
+        }
+        let [(_, taught), _] = self.lessons;
+        let files = model_files(self.encoder, params, self.config, taught)?;
+        if is_examined && is_new {
+            let began = Instant::now();
+            let found = self.exam.take(&self.config.policy, &files, self.lessons)?;
+            self.log.leave_out(began.elapsed());
+            println!("{found}");
+            self.log.write(&json!({ "step": step, "exam": found }))?;
+            report::say(&format!("step {step}: {found}"));
+        }
+        write_files(self.out, &files)?;
+        // Beside the weights that it made; other ones may have been here before.
+        store::write(&self.out.join("dagger.json"), &self.about)?;
+        if is_offered {
+            let write = |folder: &Path| write_files(folder, &files);
+            report::checkpoint(self.out, step, write)?;
+        }
+        Ok(())
+    }
+}
+
 impl Watcher for Examiner<'_> {
     fn progress(&mut self, now: &Progress) -> Result<bool> {
         self.log.progress(now)?;
-        let is_last = now.step == now.steps;
-        // One that was trained for a moment is not worth it.
-        let is_examined =
-            now.step.is_multiple_of(EXAMINATION) || is_last && now.steps > EXAMINATION;
-        let is_offered = is_examined || now.step.is_multiple_of(self.config.span);
-        if is_offered || is_last {
-            let [(_, taught), _] = self.lessons;
-            let files = model_files(self.encoder, now.params, self.config, taught)?;
-            if is_examined {
-                let began = Instant::now();
-                let found = self.exam.take(&self.config.policy, &files, self.lessons)?;
-                self.log.leave_out(began.elapsed());
-                println!("{found}");
-                self.log.write(&json!({ "step": now.step, "exam": found }))?;
-                report::say(&format!("step {}: {found}", now.step));
-            }
-            write_files(self.out, &files)?;
-            // Beside the weights that it made; other ones may have been here before.
-            store::write(&self.out.join("dagger.json"), &self.about)?;
-            if is_offered {
-                let write = |folder: &Path| write_files(folder, &files);
-                report::checkpoint(self.out, now.step, write)?;
-            }
-        }
+        self.examine(now.step, now.steps, now.params, true)?;
         Ok(true)
+    }
+
+    fn resumed(&mut self, step: u64, steps: u64, params: &Params) -> Result<()> {
+        let is_new = !self.log.has("exam", step)?;
+        self.examine(step, steps, params, is_new)
     }
 
     fn warn(&mut self, text: &str) {
