@@ -7,7 +7,7 @@ import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
 import { fileURLToPath } from "node:url";
-import { blank, grasp, open, program, screenshot, untilReady, visit } from "./chromium.js";
+import { blank, grasp, open, PATIENCE, program, screenshot, untilReady, visit } from "./chromium.js";
 
 let served;
 before(async () => (served = await open()));
@@ -63,6 +63,48 @@ test("an attempt begins by itself, pauses, steps and is reset", async () => {
   assert.equal(await page.textContent("#rate"), "Paused");
   await page.click("#reset");
   await page.waitForFunction(() => !document.querySelector("#phases .is-now"));
+  await page.close();
+});
+
+test("a recording that comes late does not take over from whoever has begun", async () => {
+  const { page } = await blank(served, { isCalm: false });
+  // It has been answered, but is not there yet.
+  await page.addInitScript(() => {
+    const { blob } = Response.prototype;
+    Response.prototype.blob = async function () {
+      const whole = await blob.call(this);
+      await new Promise((resolve) => (globalThis.come = resolve));
+      return whole;
+    };
+  });
+  await page.goto(served.address);
+  await untilReady(page);
+  await page.waitForFunction(() => globalThis.come);
+  const before = await page.inputValue("#pose-x");
+  await page.click("#new-pose");
+  await page.waitForFunction((x) => document.getElementById("pose-x").value !== x, before);
+  const stands = await page.inputValue("#pose-x");
+  await page.evaluate(() => globalThis.come());
+  await page.waitForTimeout(300);
+  assert.equal(await page.inputValue("#pose-x"), stands);
+  assert.equal(await page.locator("#phases .is-now").count(), 0);
+  await page.close();
+});
+
+test("the next attempt leaves the focus where it is", async () => {
+  const { page } = await visit(served);
+  await untilReady(page);
+  await page.selectOption("#speed", "4");
+  const isOver = () => page.waitForSelector("[data-phase=verdict].is-now", { timeout: PATIENCE });
+  await page.click("#grasp");
+  await isOver();
+  await page.focus("#timeline");
+  await page.keyboard.press("g");
+  await page.waitForSelector("[data-phase=approach].is-now");
+  await isOver();
+  await page.keyboard.press("ArrowLeft");
+  await page.waitForFunction(() => document.getElementById("rate").textContent === "Paused");
+  assert.ok(Number(await page.inputValue("#timeline")) > 0);
   await page.close();
 });
 

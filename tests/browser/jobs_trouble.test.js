@@ -77,6 +77,34 @@ test("an answer that was lost is asked for again", async () => {
   await page.close();
 });
 
+test("a job whose first answer was lost is asked for once", async () => {
+  const { page } = await jobs.visit("#new?kind=policy.evaluate&model_id=planner&object=sugar_box&attempts=1&seed=77");
+  let lost = 0;
+  await page.route("**/api/v1/jobs", async (route) => {
+    if (route.request().method() !== "POST" || lost++ > 0) return route.continue();
+    await route.fetch();
+    return route.abort();
+  });
+  await page.waitForFunction(() => /It takes about/.test(document.querySelector(".estimate")?.textContent));
+  await page.click("button:has-text('Begin')");
+  await page.waitForSelector(".new-job .failure");
+  await page.click("button:has-text('Begin')");
+  await page.waitForSelector(".detail-job");
+  const { data } = await jobs.api("jobs?kind=policy.evaluate");
+  assert.equal(data.filter(({ params }) => params.seed === 77).length, 1);
+  await page.close();
+});
+
+test("a comparison shows how its jobs stand", async () => {
+  const ids = [];
+  for (const name of ["one", "another"]) ids.push((await jobs.long({}, name)).id);
+  const { page } = await jobs.visit(`#compare/${ids.join(",")}`);
+  await page.waitForSelector("#detail .legend .is-running");
+  for (const id of ids) await jobs.stop(id);
+  await page.waitForFunction(() => document.querySelectorAll("#detail .legend .is-cancelled").length === 2);
+  await page.close();
+});
+
 test("an answer that was overtaken does not stay", async () => {
   const { id } = await jobs.long();
   const { page } = await jobs.visit(`#jobs/${id}`);

@@ -160,6 +160,43 @@ test("keys do what the buttons do", async () => {
   await page.close();
 });
 
+test("keys can be turned off, and stay so", async () => {
+  const { page } = await visit(served);
+  await untilReady(page);
+  await page.click("#help-open");
+  await page.click("#keys-on");
+  await page.keyboard.press("Escape");
+  await page.reload();
+  await untilReady(page);
+  await page.keyboard.press(" ");
+  await page.keyboard.press("?");
+  assert.ok(!(await page.isVisible("#help")));
+  await page.click("#help-open");
+  await page.click("#keys-on");
+  await page.keyboard.press("Escape");
+  await page.waitForSelector("#help", { state: "hidden" });
+  // What was pressed before did nothing, and was heard by now.
+  assert.notEqual(await page.textContent("#rate"), "Paused");
+  await page.keyboard.press("?");
+  assert.ok(await page.isVisible("#help"));
+  await page.close();
+});
+
+test("a camera is no longer marked when somebody looks elsewhere", async () => {
+  const { page } = await visit(served);
+  await untilReady(page);
+  const top = "#cameras [value=top]";
+  for (const look of [() => page.keyboard.press("Shift+ArrowLeft"), () => page.mouse.wheel(0, 100)]) {
+    await page.click(top);
+    await page.waitForSelector(`${top}[aria-pressed=true]`);
+    await page.hover("#view", { position: { x: 40, y: 300 } });
+    await page.evaluate(() => document.activeElement.blur());
+    await look();
+    await page.waitForSelector(`${top}[aria-pressed=false]`);
+  }
+  await page.close();
+});
+
 test("Space opens what is closed where the focus is, and pauses nothing then", async () => {
   const { page } = await visit(served);
   await untilReady(page);

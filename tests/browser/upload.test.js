@@ -95,6 +95,33 @@ test("a grasp that is asked for right after the mass is of the object that weigh
   await page.close();
 });
 
+test("a row of attempts that is asked for right after the mass is of the object that weighs that", async () => {
+  const { page, complaints } = await visit(served);
+  await untilReady(page);
+  await page.setInputFiles("#file", file("box.obj", BOX));
+  await page.waitForFunction(() => document.getElementById("report-mass").textContent === "173 g");
+  await page.fill("#mass", "250");
+  await page.click("#batch-run");
+  await page.waitForFunction(() => / of [1-9]/.test(document.getElementById("batch-words").textContent));
+  assert.equal(await page.textContent("#report-mass"), "250 g");
+  await page.click("#batch-run");
+  assert.deepEqual(complaints, []);
+  await page.close();
+});
+
+test("of a mesh and what is said of it in a file of its own the mesh is shown", async () => {
+  const { page } = await visit(served);
+  await untilReady(page);
+  await page.setInputFiles("#file", [file("about.json", "{}"), file("box.obj", BOX)]);
+  await page.waitForFunction(() => document.getElementById("report-size").textContent === "4.0 × 6.0 × 12.0 cm");
+  assert.equal(await page.locator("#failures .failure").count(), 0);
+  // What is no mass is not left standing.
+  await page.fill("#mass", "0");
+  await page.press("#mass", "Tab");
+  await page.waitForFunction(() => document.getElementById("mass").value === "173");
+  await page.close();
+});
+
 // An archive of these files, deflated.
 function zip(files) {
   const parts = [];

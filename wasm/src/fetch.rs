@@ -42,11 +42,11 @@ struct File {
 }
 
 /// Fetches the model of this id; `None` if there is none. `base` is where the page lies; `progress` gets bytes done
-/// and all.
+/// and all, and says whether to go on.
 pub(crate) async fn model(
     id: &str,
     base: &str,
-    mut progress: impl FnMut(f64, f64),
+    mut progress: impl FnMut(f64, f64) -> bool,
 ) -> Result<Option<ModelFiles>, Failure> {
     let list = list(base).await?;
     let Some(card) = list.data.into_iter().find(|card| card.id == id) else { return Ok(None) };
@@ -122,11 +122,12 @@ async fn get(url: &str) -> Result<Response, Failure> {
     }
 }
 
-/// The body, or its beginning if it is longer than `wanted` bytes; `progress` gets the bytes so far.
+/// The body, or its beginning if it is longer than `wanted` bytes; `progress` gets the bytes so far, and says whether to
+/// go on.
 async fn read(
     response: &Response,
     wanted: f64,
-    mut progress: impl FnMut(f64),
+    mut progress: impl FnMut(f64) -> bool,
 ) -> Result<Vec<u8>, Failure> {
     let Some(body) = response.body() else { return Ok(Vec::new()) };
     let reader: ReadableStreamDefaultReader = body.get_reader().unchecked_into();
@@ -141,10 +142,12 @@ async fn read(
         let begin = bytes.len();
         bytes.resize(begin + value.length() as usize, 0);
         value.copy_to(&mut bytes[begin..]);
-        if bytes.len() as f64 > wanted {
-            return Ok(bytes);
+        let is_too_long = bytes.len() as f64 > wanted;
+        if is_too_long || !progress(bytes.len() as f64) {
+            // The line is others' from now on.
+            let _given_up = reader.cancel();
+            return if is_too_long { Ok(bytes) } else { Err(failed("another one is wanted")) };
         }
-        progress(bytes.len() as f64);
     }
 }
 

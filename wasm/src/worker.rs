@@ -75,12 +75,13 @@ async fn fetch_model(id: String, base: String, gently: bool, request: u32) {
     };
     let progress = |done, total| {
         if !is_wanted() {
-            return;
+            return false;
         }
         let label = "Fetching the policy".into();
         let finished = done >= total;
         let progress = Progress { label, done, total: Some(total), unit: Amount::Bytes, finished };
         post(&FromWorker::Progress(progress));
+        true
     };
     let fetched = fetch::model(&id, &base, progress).await;
     if !is_wanted() {
@@ -89,7 +90,9 @@ async fn fetch_model(id: String, base: String, gently: bool, request: u32) {
     let mut is_busy = false;
     with_worker(|worker| is_busy = worker.batch.is_some() || worker.stage.is_busy());
     if gently && is_busy {
-        return post(&FromWorker::Progress(Progress::end()));
+        post(&FromWorker::Progress(Progress::end()));
+        // Who acts still does.
+        return with_worker(|worker| post(&FromWorker::Model(worker.model())));
     }
     let loaded = match fetched {
         Ok(Some(files)) => load_model(&id, &files),

@@ -51,6 +51,7 @@ export function svg<K extends keyof SVGElementTagNameMap>(
 export function button(label: string, act: () => unknown, attributes: Attributes = {}): HTMLButtonElement {
   const made: HTMLButtonElement = h("button", { type: "button", ...attributes }, label);
   made.addEventListener("click", async () => {
+    const hadFocus = document.activeElement === made;
     made.disabled = true;
     try {
       await act();
@@ -60,6 +61,8 @@ export function button(label: string, act: () => unknown, attributes: Attributes
       if (!isTold) throw error;
     } finally {
       made.disabled = false;
+      // Who cannot be pressed has no focus; nobody else has taken it.
+      if (hadFocus && document.activeElement === document.body) made.focus({ preventScroll: true });
     }
   });
   return made;

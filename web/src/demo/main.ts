@@ -34,6 +34,9 @@ import type { Preset } from "./view/camera";
 import { View, type ViewEvents } from "./view/view";
 import { watch } from "./watch";
 
+// What the second picture has to say: nothing.
+const ALONE = { place: () => {}, pull: () => {}, sketched: () => {}, moved: () => {}, taken: () => {} };
+
 let isFirstModel = true;
 let objectHash = "";
 // Who acts, once somebody does.
@@ -104,7 +107,7 @@ const inside = new InsidePanel(send);
 const comparison = new Comparison({
   now: () => [...situation.now(), ...situation.coming()],
   picture: () => {
-    const picture = makeView("view-2", { place: () => {}, pull: () => {}, graphics, sketched: () => {}, moved: () => {} });
+    const picture = makeView("view-2", { ...ALONE, graphics });
     layers.apply((layer, on) => picture?.setLayer(layer, on));
     return picture;
   },
@@ -134,6 +137,7 @@ const view = makeView("view", {
     engine.send({ kind: "pull", pull });
   },
   moved: (stand) => comparison.stand(stand),
+  taken: () => pressCamera(null),
   graphics,
   sketched: (why) => failures.show({ kind: "failure", code: "graphics_flat", ...FAILURES.graphicsFlat(why) }),
 });
@@ -254,6 +258,7 @@ function receive(message: FromWorker): void {
       break;
     case "batchOver":
       batch.end(0, message.run);
+      training?.tryAgain();
       break;
     case "file":
       save(message.name, new Blob([message.text], { type: "application/json" }));
@@ -287,7 +292,8 @@ async function showModel(model: Model): Promise<void> {
   attempt.showModel(model);
   // Of what was asked for and did not come, a later worker is not told.
   if (model.id !== null) engine.keep(useModel(model.id));
-  if (model.id !== acts?.id || model.hash !== acts.hash) {
+  const isOther = model.id !== acts?.id || model.hash !== acts.hash;
+  if (isOther) {
     // What another encoder made of the cloud is not what this one does.
     view?.forgetReconstruction();
     report.showLikeness(null);
@@ -298,17 +304,25 @@ async function showModel(model: Model): Promise<void> {
   batch.enable(true);
   comparison.name(model.id);
   policy.show(model.id);
-  training?.hasModel(model);
-  opening.hasModel();
+  if (model.id === wanted) failures.close(NOT_FETCHED);
   const isFirst = isFirstModel;
   isFirstModel = false;
+  // What begins with this policy begins when it lies as this one has it.
+  if (!isFirst && isOther) layAgain(model);
+  training?.hasModel(model);
+  opening.hasModel();
   arrival?.hasModel(model.hash);
   if (isFirst) await brought;
-  // It was laid down before there was a policy to ask.
-  const { file, told, because } = situation;
-  if (model.id !== null && because === "wouldFall" && file && told) await uploads.begin(file, told);
+  if (isFirst) layAgain(model);
   if (!isFirst || isCalm || arrival || !asked.brings || asked.plays || opening.isBegun) return;
   whenSeen(() => attempt.grasp());
+}
+
+// A mesh was laid down by itself, before this policy could be asked; what was chosen since comes anyway.
+function layAgain(model: Model): void {
+  const { file, told, because } = situation;
+  const isAlone = !uploads.isAwaiting && !situation.isReading;
+  if (model.id !== null && because === "wouldFall" && file && told && isAlone) void uploads.begin(file, told);
 }
 
 // What the address asks for comes first, and is what the first attempt is about.

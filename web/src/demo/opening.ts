@@ -32,8 +32,10 @@ export class Opening {
   async ready(): Promise<void> {
     if (!this.#isOn) return;
     const answer = await fetch(recording).catch(() => null);
+    const played = answer?.ok ? await answer.blob().catch(() => null) : null;
+    // Somebody may have begun while it came.
     if (!this.#isOn || this.#isOver) return;
-    if (answer?.ok) this.#events.play(new File([await answer.blob()], "recording.json"));
+    if (played) this.#events.play(new File([played], "recording.json"));
     else this.end();
   }
 

@@ -97,9 +97,16 @@ export class Training {
     if (isOurs && this.#isIdle) this.#events.grasp();
   }
 
+  // What was in the way is over.
+  tryAgain(): void {
+    this.#go();
+  }
+
+  // One at a time: on a slow line checkpoints come faster than they are fetched.
   #go(): void {
+    if (this.#awaited !== null) return;
     const { step, model_id: id } = this.#newest ?? { step: 0, model_id: null };
-    const isNews = this.#before !== null && step > this.#before && ![this.#acts, this.#awaited].includes(id);
+    const isNews = this.#before !== null && step > this.#before && id !== this.#acts;
     if (!id || !isNews || !this.#acts || !this.#isIdle || !this.#box.checked) return;
     this.#awaited = id;
     this.#events.use(id);

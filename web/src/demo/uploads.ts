@@ -46,6 +46,11 @@ export class Uploads {
     return this.#awaited?.file === file ? this.#awaited.told : null;
   }
 
+  // Whether the bytes of a file are awaited.
+  get isAwaiting(): boolean {
+    return this.#awaited !== null;
+  }
+
   // What was said of it on an earlier visit.
   remember(file: File, told: Told): void {
     this.#told.set(file, told);

@@ -78,7 +78,7 @@ function tried(description: Description, method: string, path: string, parameter
   if (text) text.value = example(description, operation);
   const file = operation.requestBody && !isJson ? h("input", { type: "file", "aria-label": TRIED.file }) : null;
   const shell = h("code");
-  const answer = h("pre", { class: "answer", tabindex: 0, hidden: true });
+  const answer = h("pre", { class: "answer", tabindex: 0, hidden: true, role: "region", "aria-label": TRIED.answer });
   const url = () => {
     let filled = path;
     const query = new URLSearchParams();
@@ -110,6 +110,7 @@ function tried(description: Description, method: string, path: string, parameter
     try {
       const got = await send(url(), method.toUpperCase(), body);
       answer.textContent = `${got.status}\n${await shown(got)}`;
+      told.textContent = TRIED.answered(got.status);
     } catch (error) {
       answer.replaceChildren(refusal(error));
     }

@@ -18,6 +18,8 @@ export const TRIED = {
   file: "File that is sent",
   noJson: (why: string) => `The body is no JSON: ${why}`,
   tryIt: "Try it",
+  answer: "Answer",
+  answered: (status: number) => `The server answered with ${status}.`,
   cut: (shown: string, all: string) => `… these were the first ${shown} of ${all} characters`,
   bytes: (count: string, kind: string) => `${count} bytes of ${kind}`,
 } as const;

@@ -4,7 +4,7 @@ import { h } from "../common/dom";
 import { link, refusal, section, table } from "../common/parts";
 import { Charts } from "./charts";
 import type { Feed } from "./feed";
-import { chip } from "./parts";
+import { chip, showStatus } from "./parts";
 import { COMPARISON } from "./strings";
 import { type Job, title } from "./types";
 import type { View } from "./view";
@@ -12,6 +12,7 @@ import type { View } from "./view";
 export class Comparison implements View {
   readonly element = h("article", {}, h("h1", {}, COMPARISON.title));
   #charts: Charts | null = null;
+  #stop: (() => void) | null = null;
   #isClosed = false;
 
   constructor(feed: Feed, ids: string[]) {
@@ -27,18 +28,25 @@ export class Comparison implements View {
     this.element.append(...refused);
     if (jobs.length === 0) return;
     this.#charts = new Charts(feed, jobs);
-    this.element.append(section(COMPARISON.jobs, names(jobs)), section(COMPARISON.differences, differences(jobs)), this.#charts.element);
+    const chips = new Map(jobs.map(({ id, status }) => [id, chip(status)]));
+    this.#stop = feed.listen({
+      jobs: (changed) => {
+        for (const [id, made] of chips) if (changed.has(id)) showStatus(made, feed.jobs.get(id)?.status ?? "");
+      },
+    });
+    this.element.append(section(COMPARISON.jobs, names(jobs, chips)), section(COMPARISON.differences, differences(jobs)), this.#charts.element);
   }
 
   close(): void {
     this.#isClosed = true;
     this.#charts?.close();
+    this.#stop?.();
   }
 }
 
-function names(jobs: Job[]): HTMLElement {
+function names(jobs: Job[], chips: Map<string, HTMLElement>): HTMLElement {
   const name = (job: Job, i: number) =>
-    h("li", { class: `series-${(i % 6) + 1}` }, link(`jobs/${job.id}`, title(job)), " ", chip(job.status));
+    h("li", { class: `series-${(i % 6) + 1}` }, link(`jobs/${job.id}`, title(job)), " ", chips.get(job.id));
   return h("ul", { class: "legend" }, ...jobs.map(name));
 }
 

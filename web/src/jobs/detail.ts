@@ -40,6 +40,8 @@ export class Detail implements View {
   // The job, or what came of it, could not be had.
   #isRefused = false;
   #isMadeRefused = false;
+  // How often what came of it was asked for: an answer may be overtaken.
+  #asked = 0;
   #isClosed = false;
 
   constructor(feed: Feed, id: string) {
@@ -187,6 +189,7 @@ export class Detail implements View {
   }
 
   async #showMade(): Promise<void> {
+    const asked = ++this.#asked;
     const id = this.#id;
     const job = this.#feed.jobs.get(id);
     if (!job || this.#isClosed) return;
@@ -200,6 +203,7 @@ export class Detail implements View {
     } catch (error) {
       why = refusal(error);
     }
+    if (asked !== this.#asked) return;
     this.#isMadeRefused = why !== null;
     this.#made.replaceChildren(
       ...(reports.length > 0 ? [section(EVALUATION.title, evaluations(reports, job))] : []),

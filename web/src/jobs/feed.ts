@@ -39,7 +39,6 @@ export class Feed {
   #stale = new Set<string>();
   #timer = 0;
   #told = 0;
-  connection: Connection = "connecting";
 
   // Hears from now on; gives what ends that.
   listen(listener: Listener): () => void {
@@ -144,7 +143,6 @@ export class Feed {
   }
 
   #connected(state: Connection): void {
-    this.connection = state;
     for (const listener of this.#listeners) listener.connection?.(state);
     if (state !== "live") return;
     // What happened before the stream was open; what is over seldom has anything to tell.

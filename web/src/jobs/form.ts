@@ -46,6 +46,9 @@ export class NewJob implements View {
   #kind = Object.keys(KINDS)[0]!;
   #timer = 0;
   #asked = 0;
+  // Names what stands here: asked for twice, because an answer was lost, it is one job.
+  #key = newKey();
+  #isClosed = false;
 
   constructor(feed: Feed, query: URLSearchParams) {
     this.#feed = feed;
@@ -66,6 +69,7 @@ export class NewJob implements View {
   }
 
   close(): void {
+    this.#isClosed = true;
     clearTimeout(this.#timer);
   }
 
@@ -152,6 +156,7 @@ export class NewJob implements View {
       });
     }
     const list = h("datalist", { id: `examples-${name}` }, ...(schema.examples ?? []).map((value) => h("option", { value })));
+    document.getElementById(list.id)?.remove();
     this.element.append(list);
     return h("input", { type: "text", list: list.id, autocomplete: "off" });
   }
@@ -172,6 +177,7 @@ export class NewJob implements View {
     // What was copied is no longer what stands here.
     this.#command.hidden = true;
     this.#told.textContent = "";
+    this.#key = newKey();
     clearTimeout(this.#timer);
     this.#timer = window.setTimeout(() => void this.#check(), PAUSE);
   }
@@ -214,10 +220,15 @@ export class NewJob implements View {
   }
 
   async #begin(): Promise<void> {
+    // What is being checked has been decided.
+    clearTimeout(this.#timer);
+    this.#asked += 1;
     try {
-      const job = await ask<Job>("jobs", "POST", this.#request());
+      const job = await ask<Job>("jobs", "POST", this.#request(), { headers: { "Idempotency-Key": this.#key } });
       this.#feed.put(job);
-      location.hash = `#jobs/${job.id}`;
+      this.#key = newKey();
+      // Whoever has gone on finds it in the list.
+      if (!this.#isClosed) location.hash = `#jobs/${job.id}`;
     } catch (error) {
       this.#blame(error);
     }
@@ -229,6 +240,11 @@ export class NewJob implements View {
     this.#command.hidden = false;
     this.#told.textContent = await copyCommand(this.#command);
   }
+}
+
+// Not randomUUID, which a page that came over plain http does not have.
+function newKey(): string {
+  return [...crypto.getRandomValues(new Uint32Array(4))].map((part) => part.toString(36)).join("-");
 }
 
 // What must be given comes first, threads and seeds last.

@@ -83,7 +83,8 @@ addEventListener("hashchange", () => {
   // Whoever follows a row of the list by keyboard goes on with what it leads to, not with the rows after it.
   const isFollowed = document.activeElement?.matches("#rail a") ?? false;
   show();
-  if (isFollowed) detail.focus({ preventScroll: true });
+  // What had the focus may be gone with the view before.
+  if (isFollowed || document.activeElement === document.body) detail.focus({ preventScroll: true });
 });
 
 try {

@@ -101,8 +101,10 @@ export class BatchPanel {
     this.#show();
   }
 
-  // Another object or policy: what was counted is not about it.
+  // Another object or policy: what was counted is not about it. The worker ends a row before it says so: one that goes on
+  // was asked for since, and is.
   clear(): void {
+    if (this.#rows[0]?.isOver === false) return;
     if (this.#isRunning) this.#events.send({ kind: "cancel" });
     this.#forget();
     this.#show();

@@ -1,7 +1,16 @@
 // Keys for what the buttons do. A field that is being typed in keeps its keys, what is pressed with Space its Space.
+// Whoever speaks to the computer, or rests a hand on the keys, can do without them.
+
+import { element } from "../../common/dom";
+
+const KEPT = "ngf-keys-off";
 
 export function onKeys(actions: Record<string, () => void>, other: (key: string) => boolean): void {
+  const areOn = element("keys-on", HTMLInputElement);
+  areOn.checked = !isKept();
+  areOn.addEventListener("change", () => keep(!areOn.checked));
   addEventListener("keydown", (event) => {
+    if (!areOn.checked) return;
     if (event.ctrlKey || event.metaKey || event.altKey || isTaken(event)) return;
     if (document.querySelector("dialog[open]")) return;
     const held = event.shiftKey && event.key.startsWith("Arrow") ? "Shift+" : "";
@@ -12,6 +21,24 @@ export function onKeys(actions: Record<string, () => void>, other: (key: string)
     else if (!action && !other(key)) return;
     event.preventDefault();
   });
+}
+
+// A browser may keep nothing.
+function isKept(): boolean {
+  try {
+    return localStorage.getItem(KEPT) !== null;
+  } catch {
+    return false;
+  }
+}
+
+function keep(areOff: boolean): void {
+  try {
+    if (areOff) localStorage.setItem(KEPT, "");
+    else localStorage.removeItem(KEPT);
+  } catch {
+    // Until the page is left it holds.
+  }
 }
 
 function isTaken({ target, key }: KeyboardEvent): boolean {

@@ -127,7 +127,12 @@ export class ObjectPicker {
   }
 
   #choice(value: string, label: string, chosen: () => void): HTMLLabelElement {
-    return h("label", { title: label }, h("input", { type: "radio", name: "object", value, change: chosen }), h("span", {}, label));
+    const change = () => {
+      // What is marked is not there yet, and what is there is not marked.
+      this.#remove.hidden = true;
+      chosen();
+    };
+    return h("label", { title: label }, h("input", { type: "radio", name: "object", value, change }), h("span", {}, label));
   }
 
   // What was said of a file is kept with it.
@@ -216,7 +221,7 @@ export class ObjectPicker {
     }
   }
 
-  // The first one is shown, the others stand in the list.
+  // The first mesh is shown, the others stand in the list; without one the first file is played.
   async #take(brought: Iterable<File> | Promise<File[]>): Promise<void> {
     if (this.#list.disabled) return;
     let files: File[];
@@ -235,7 +240,7 @@ export class ObjectPicker {
       this.add(file, waits ? "later" : true);
       if (!waits) void this.#keep(file);
     }
-    const [first] = files;
+    const first = files.find(({ name }) => !plays(name)) ?? files[0];
     if (first) this.#events.upload(first);
   }
 

@@ -16,6 +16,7 @@ export class ReportCard {
   readonly #notes = element("report-notes", HTMLElement);
   readonly #grams = element("mass", HTMLInputElement);
   readonly #sides = element("sides", HTMLSelectElement);
+  #massKg = 0;
   readonly #press: (unit: string | null) => void;
 
   constructor(change: (part: Partial<Told>) => void) {
@@ -25,6 +26,8 @@ export class ReportCard {
       const grams = this.#grams.valueAsNumber;
       change({ massKg: grams > 0 ? grams / 1000 : null });
     });
+    // What was typed may be no mass, or of another object.
+    this.#grams.addEventListener("blur", () => this.#writeMass());
     this.#sides.addEventListener("change", () => {
       const side = Number(this.#sides.value);
       change({ stands: side < 0 ? "asInFile" : { on: side } });
@@ -47,10 +50,15 @@ export class ReportCard {
     this.#file.hidden = report.unit === null;
     this.#press(report.unit);
     this.#reason.textContent = report.reason ?? "";
-    if (document.activeElement !== this.#grams) this.#grams.value = String(Math.round(1000 * report.massKg));
+    this.#massKg = report.massKg;
+    if (document.activeElement !== this.#grams) this.#writeMass();
     this.#showSides(report);
     this.#notes.hidden = report.notes.length === 0;
     this.#notes.replaceChildren(...report.notes.map((note) => h("li", {}, note)));
+  }
+
+  #writeMass(): void {
+    this.#grams.value = String(Math.round(1000 * this.#massKg));
   }
 
   #showSides({ sides, stands }: Report): void {

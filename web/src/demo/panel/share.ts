@@ -141,7 +141,7 @@ export class SharePanel {
       await this.copy();
     } catch (error) {
       const isOwn = this.#sending.signal.aborted;
-      const why = error instanceof Refused && error.problem.code !== "no_server" ? error.problem.detail : SHARE.noServer;
+      const why = error instanceof Refused && error.problem.code !== "no_server" ? error.problem.detail.replace(/\.$/, "") : SHARE.noServer;
       this.#hint.textContent = isOwn ? SHARE.notSent : SHARE.notKept(why);
     } finally {
       this.#sending = null;

@@ -44,12 +44,17 @@ export class Timeline {
   show(frame: Frame): void {
     this.#frame = frame;
     const { tick, ticks } = frame;
-    this.#slider.disabled = ticks === 0;
+    enable(this.#slider, ticks > 0);
     this.#slider.max = String(Math.max(1, ticks));
     if (!this.#isHeld) this.#slider.value = String(tick);
     this.#slider.setAttribute("aria-valuetext", PLAYBACK.moment((tick * TICK).toFixed(2), (ticks * TICK).toFixed(2)));
     element("clock", HTMLElement).textContent = ticks > 0 ? `${(tick * TICK).toFixed(1)} s` : "";
-    for (const button of this.#phases) button.disabled = this.#begin(button) === undefined;
+    for (const button of this.#phases) enable(button, this.#begin(button) !== undefined);
   }
+}
+
+// What has the focus keeps it: the next key would be the object's.
+function enable(control: HTMLInputElement | HTMLButtonElement, on: boolean): void {
+  control.disabled = !on && control !== document.activeElement;
 }
 

@@ -30,10 +30,13 @@ const isCalm = matchMedia("(prefers-reduced-motion: reduce)");
 export class Viewpoint {
   readonly camera = new PerspectiveCamera(FIELD_OF_VIEW, 1, 0.02, 30);
   readonly controls: OrbitControls;
+  readonly #taken: () => void;
   #scene: { table: Box; camera: DepthCamera } | null = null;
   #flight: { begin: number; start: Stand; end: Stand } | null = null;
 
-  constructor(canvas: HTMLCanvasElement, changed: () => void) {
+  // `taken` is told when somebody looks elsewhere by hand or key.
+  constructor(canvas: HTMLCanvasElement, changed: () => void, taken: () => void) {
+    this.#taken = taken;
     this.camera.up.set(0, 0, 1);
     this.controls = new OrbitControls(this.camera, canvas);
     this.controls.enableDamping = !isCalm.matches;
@@ -44,9 +47,14 @@ export class Viewpoint {
     this.controls.zoomToCursor = true;
     this.controls.addEventListener("change", changed);
     this.controls.addEventListener("start", () => {
-      this.#flight = null;
+      this.#take();
       changed();
     });
+  }
+
+  #take(): void {
+    this.#flight = null;
+    this.#taken();
   }
 
   set scene(scene: { table: Box; camera: DepthCamera }) {
@@ -71,7 +79,7 @@ export class Viewpoint {
 
   // Turns about what is looked at: to the right and up (rad). The table is not looked at from below.
   turn(right: number, up: number): void {
-    this.#flight = null;
+    this.#take();
     const off = this.camera.position.clone().sub(this.controls.target).applyQuaternion(UPRIGHT);
     const at = new Spherical().setFromVector3(off);
     at.theta += right;
@@ -81,7 +89,7 @@ export class Viewpoint {
 
   // Goes nearer by this share of the distance, or away.
   approach(share: number): void {
-    this.#flight = null;
+    this.#take();
     const off = this.camera.position.clone().sub(this.controls.target);
     const { minDistance, maxDistance } = this.controls;
     off.setLength(MathUtils.clamp(off.length() * (1 - share), minDistance, maxDistance));

@@ -45,6 +45,8 @@ export interface ViewEvents {
   sketched(why: string): void;
   // The viewer stands or looks elsewhere.
   moved(stand: number[]): void;
+  // Somebody looks elsewhere by hand or key.
+  taken(): void;
 }
 
 export class View {
@@ -72,6 +74,8 @@ export class View {
   #frame: Frame | null = null;
   // Where the object stood when it was looked at.
   #seenAt: PlanarPose | null = null;
+  // Where the viewer stood in the last picture.
+  #stood: number[] = [];
   #showsSensor = false;
   #isAwake = false;
   #rest = 0;
@@ -81,7 +85,7 @@ export class View {
     this.#canvas = canvas;
     this.#events = events;
     this.#renderer = this.#begin();
-    this.#viewpoint = new Viewpoint(canvas, () => this.#wake());
+    this.#viewpoint = new Viewpoint(canvas, () => this.#wake(), () => events.taken());
     this.#reconstruction.points.visible = false;
     const lines = [this.#forces.lines, this.#trail.line, this.#spring.line];
     this.#scene.add(this.#thing.group, this.#cloud.points, this.#reconstruction.points, this.#ghost.group, ...lines);
@@ -206,6 +210,13 @@ export class View {
     return this.#viewpoint.stand();
   }
 
+  #tellStand(): void {
+    const stand = this.#viewpoint.stand();
+    if (stand.every((number, i) => number === this.#stood[i])) return;
+    this.#stood = stand;
+    this.#events.moved(stand);
+  }
+
   standAt(numbers: number[]): void {
     this.#viewpoint.standAt(numbers);
     this.#wake();
@@ -287,7 +298,7 @@ export class View {
     const isGhostMoving = this.#ghost.apply(now);
     this.#spring.follow(this.#thing.group);
     const isTurning = this.#viewpoint.update(now);
-    this.#events.moved(this.#viewpoint.stand());
+    this.#tellStand();
     this.#sensor?.show(this.#showsSensor, this.#viewpoint.camera.position);
     this.#studio?.castShadows(share >= 1);
     this.#renderer.render(this.#scene, this.#viewpoint.camera);
