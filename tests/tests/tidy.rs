@@ -205,6 +205,9 @@ const OF_THE_SYSTEM: [&str; 20] = [
     "mul_add(",
 ];
 
+/// What a browser's worker has not, or has otherwise.
+const OF_A_COMPUTER: [&str; 4] = ["std::fs", "std::thread", "std::time", "std::env::"];
+
 #[test]
 fn what_must_come_out_the_same_everywhere_asks_no_system_for_mathematics() {
     let mut looked_at = 0;
@@ -215,6 +218,9 @@ fn what_must_come_out_the_same_everywhere_asks_no_system_for_mathematics() {
         looked_at += 1;
         for name in OF_THE_SYSTEM {
             assert!(!shipped.contains(&format!(".{name}")), "{file:?} calls .{name}");
+        }
+        for name in OF_A_COMPUTER {
+            assert!(!shipped.contains(name), "{file:?} uses {name}");
         }
     }
     assert!(looked_at > 100, "{looked_at} files");
@@ -228,6 +234,20 @@ fn the_page_is_mostly_rust() {
     let share = 100 * script / (script + rust);
     println!("{script} lines of TypeScript, {rust} of Rust: {share} %");
     assert!(script > 0 && share < 35, "{share} % of the page's lines are TypeScript");
+}
+
+/// What the page is built from goes with it, and its licence wants to be named.
+#[test]
+fn what_the_page_is_built_from_is_named() {
+    let package = read_to_string(root().join("web/package.json")).unwrap();
+    let package: serde_json::Value = serde_json::from_str(&package).unwrap();
+    let notice = read_to_string(root().join("NOTICE")).unwrap().to_lowercase();
+    let names: Vec<&String> = package["dependencies"].as_object().unwrap().keys().collect();
+    assert!(!names.is_empty());
+    for name in names {
+        let name = name.trim_start_matches("@fontsource-variable/");
+        assert!(notice.contains(name), "NOTICE does not name {name}");
+    }
 }
 
 /// Text between single backticks, outside fenced blocks.

@@ -45,7 +45,7 @@ enum Command {
         /// Also write the rows to this file.
         #[arg(long, value_name = "FILE")]
         json: Option<PathBuf>,
-        /// Beside what others need for the same: MuJoCo, from PyPI.
+        /// Beside what others need for the same: MuJoCo and PyTorch, from PyPI.
         #[arg(long)]
         peers: bool,
     },

@@ -18,6 +18,10 @@ const WASM_TEST_SECONDS: &str = "300";
 /// The same for a proof.
 const PROOF_SECONDS: &str = "3600";
 
+/// What Python needs, a file in tests/python.
+const PYTHON: &str = "requirements.txt";
+const PYTHON_OF_REQUESTS: &str = "requests.txt";
+
 /// What ran so far.
 struct Stages {
     tally: Tally,
@@ -37,6 +41,7 @@ pub(crate) fn test(place: &Place) -> Result<bool> {
     // What is missing is told before anything that takes minutes.
     tools::node(place)?;
     chromium::find(place)?;
+    python::environment(place, PYTHON)?;
     let mut stages = Stages::new();
     quick(place, &mut stages);
     stages.stage("python", |stages| stages.count(&mut python_tests(place)?));
@@ -71,9 +76,14 @@ pub(crate) enum Proof {
 /// Some of the proofs, or all if none is named.
 pub(crate) fn prove(place: &Place, named: &[Proof]) -> Result<bool> {
     let wanted = |proof| named.is_empty() || named.contains(&proof);
-    let mut stages = Stages::new();
     if wanted(Proof::Attempts) {
         chromium::find(place)?;
+    }
+    if wanted(Proof::Requests) {
+        python::environment(place, PYTHON_OF_REQUESTS)?;
+    }
+    let mut stages = Stages::new();
+    if wanted(Proof::Attempts) {
         stages.stage("attempts in the browser", |stages| {
             let mut tests = wasm_tests(place)?;
             tests.args(["--test", "attempts", "--", "--nocapture"]);
@@ -101,7 +111,7 @@ pub(crate) fn prove(place: &Place, named: &[Proof]) -> Result<bool> {
 /// Requests of all kinds, good and bad, made from the description of the API: none is answered otherwise than described,
 /// none by a failure of the server.
 fn requests(place: &Place) -> Result<()> {
-    let python = python::environment(place, "requests.txt")?;
+    let python = python::environment(place, PYTHON_OF_REQUESTS)?;
     run(&mut place.cargo(&["build", "-q", "-p", "ngf"]))?;
     let folder = place.target.join("tmp/requests");
     if folder.exists() {
@@ -176,7 +186,7 @@ fn quick(place: &Place, stages: &mut Stages) {
 
 /// A small dataset, read from Python.
 fn python_tests(place: &Place) -> Result<Command> {
-    let python = python::environment(place, "requirements.txt")?;
+    let python = python::environment(place, PYTHON)?;
     run(&mut place.cargo(&["build", "-q", "-p", "ngf"]))?;
     let folder = place.target.join("tmp/dataset");
     if folder.exists() {

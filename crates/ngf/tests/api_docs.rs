@@ -32,6 +32,18 @@ fn every_request_is_documented() {
 }
 
 #[test]
+fn every_kind_of_job_is_asked_for_once() {
+    let described = serde_json::to_value(server::openapi()).unwrap();
+    let tasks = described["components"]["schemas"]["JobTask"]["oneOf"].as_array().unwrap();
+    assert_eq!(tasks.len(), 5);
+    for task in tasks {
+        let kind = task["properties"]["kind"]["enum"][0].as_str().unwrap();
+        let asks = |quote: &str| API.contains(&format!("{quote}kind{quote}: {quote}{kind}{quote}"));
+        assert!(asks("\"") || asks("\\\""), "{kind}");
+    }
+}
+
+#[test]
 fn every_example_does_what_it_says() {
     let folder = tempfile::tempdir().unwrap();
     let models = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../models");
