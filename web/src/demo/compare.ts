@@ -60,6 +60,8 @@ export class Comparison {
 
   // Whatever the first worker is told.
   send(message: ToWorker): void {
+    // What plays there is no longer what ended.
+    if (message.kind === "follow") this.#names[0].textContent = this.#first;
     if (ALONE.has(message.kind) || !this.#engine) return;
     // A row that began without it stays so: its attempts would be the planner's.
     if (message.kind === "batch" && !this.#isReady) return;

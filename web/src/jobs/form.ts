@@ -121,8 +121,11 @@ export class NewJob implements View {
       this.#inputs.set(name, input);
       const hint = (properties[name]?.description ?? "").replaceAll("`", "");
       const note = h("small", { class: hint.length > LONG ? "hint is-long" : "hint", id: `hint-${name}` }, hint);
+      // The hint lies in the label, and is not its name.
+      const words = h("span", { id: `label-${name}` }, PARAMETERS[name] ?? label(name));
+      input.setAttribute("aria-labelledby", words.id);
       input.setAttribute("aria-describedby", note.id);
-      this.#fields.append(h("label", { class: "line", "data-param": name }, h("span", {}, PARAMETERS[name] ?? label(name)), input, note));
+      this.#fields.append(h("label", { class: "line", "data-param": name }, words, input, note));
     }
     await this.#check();
   }
