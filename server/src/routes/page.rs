@@ -1,5 +1,6 @@
 //! The built page: files of one folder, compressed beforehand.
 
+use super::content::{CHECKED, KEPT};
 use crate::{AppState, Code, Problem};
 use axum::extract::{Request, State};
 use axum::http::{HeaderValue, StatusCode, header};
@@ -33,7 +34,7 @@ pub(crate) async fn file(State(state): State<AppState>, request: Request) -> Res
         .into_response(),
         _ => {
             let is_hashed = path.starts_with("/assets/");
-            let cache = if is_hashed { "public, max-age=31536000, immutable" } else { "no-cache" };
+            let cache = if is_hashed { KEPT } else { CHECKED };
             response.headers_mut().insert(header::CACHE_CONTROL, HeaderValue::from_static(cache));
             response
         }
