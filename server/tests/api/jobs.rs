@@ -1,24 +1,10 @@
 //! Jobs by request and answer, while nobody works on them.
 
-use crate::{assert_problem, idle, idle_in, json_of, send, send_with};
-use axum::Router;
+use crate::{ask, assert_problem, idle, idle_in, json_of, send, send_with};
 use axum::http::StatusCode;
 use axum::response::Response;
 use serde_json::{Value, json};
-use server::engine::{Engine, EngineConfig};
 use server::{AppState, app};
-
-/// Asks for a small dataset.
-async fn ask(app: &Router, name: &str) -> String {
-    let body = json!({ "kind": "dataset.generate", "name": name, "metadata": { "of": name } });
-    let answer = send(app, "POST", "/jobs", body.to_string()).await;
-    assert_eq!(answer.status(), StatusCode::CREATED);
-    let location = answer.headers()["location"].to_str().unwrap().to_owned();
-    let job = json_of(answer).await;
-    let id = job["id"].as_str().unwrap().to_owned();
-    assert_eq!(location, format!("/api/v1/jobs/{id}"));
-    id
-}
 
 #[tokio::test]
 async fn a_job_says_all_that_was_decided() {
@@ -353,77 +339,4 @@ async fn changes_need_the_token_and_no_foreign_page() {
         assert_problem(answer, 403, "foreign_origin").await;
     }
     assert_eq!(send(&app, "GET", "/jobs", "").await.status(), StatusCode::OK);
-}
-
-#[tokio::test]
-async fn a_program_that_always_crashes_is_given_up() {
-    let folder = tempfile::tempdir().unwrap();
-    let config = EngineConfig {
-        data: folder.path().join("data"),
-        models: folder.path().join("models"),
-        // Ends at once, and says nothing.
-        program: "false".into(),
-        places: 1,
-        free_bytes: 0,
-    };
-    let engine = Engine::open(config).await.unwrap();
-    let state = AppState::new(folder.path(), folder.path());
-    let app = app(state.with_engine(engine.clone(), tokio::sync::watch::channel(false).1));
-    let working = tokio::spawn(engine.work("http://127.0.0.1:9"));
-    let id = ask(&app, "x").await;
-    let mut job = Value::Null;
-    for _ in 0..200 {
-        job = json_of(send(&app, "GET", &format!("/jobs/{id}?wait=1s"), "").await).await;
-        if job["status"] == "failed" {
-            break;
-        }
-    }
-    working.abort();
-    assert_eq!(job["error"]["code"], "worker_lost", "{job}");
-    assert_eq!(job["attempt"], 6);
-    assert_eq!(job["resumable"], true);
-    let events = format!("/jobs/{id}/events");
-    let alerts = json_of(send(&app, "GET", &format!("{events}?type=alert"), "").await).await;
-    let alerts = alerts["data"].as_array().unwrap();
-    assert_eq!(alerts.len(), 6);
-    assert!(alerts.iter().all(|alert| alert["type"] == "alert" && alert["level"] == "warn"));
-    let problem = send(&app, "GET", &format!("{events}?type=news"), "").await;
-    assert_problem(problem, 422, "invalid_parameter").await;
-}
-
-#[tokio::test]
-#[cfg(unix)]
-async fn of_a_disk_that_fills_up_those_are_told_whose_jobs_run() {
-    use std::os::unix::fs::PermissionsExt;
-    let folder = tempfile::tempdir().unwrap();
-    // Works for a while, whatever it is told.
-    let program = folder.path().join("works");
-    std::fs::write(&program, "#!/bin/sh\nexec sleep 60\n").unwrap();
-    std::fs::set_permissions(&program, std::fs::Permissions::from_mode(0o755)).unwrap();
-    let config = EngineConfig {
-        data: folder.path().join("data"),
-        models: folder.path().join("models"),
-        program,
-        places: 1,
-        free_bytes: u64::MAX,
-    };
-    let engine = Engine::open(config).await.unwrap();
-    let state = AppState::new(folder.path(), folder.path());
-    let app = app(state.with_engine(engine.clone(), tokio::sync::watch::channel(false).1));
-    let id = ask(&app, "x").await;
-    let working = tokio::spawn(engine.clone().work("http://127.0.0.1:9"));
-    let mut alerts = Value::Null;
-    for _ in 0..200 {
-        let path = format!("/jobs/{id}/events?type=alert");
-        alerts = json_of(send(&app, "GET", &path, "").await).await["data"].take();
-        if alerts[0].is_object() {
-            break;
-        }
-        tokio::time::sleep(std::time::Duration::from_millis(50)).await;
-    }
-    working.abort();
-    engine.rest().await;
-    assert_eq!(alerts.as_array().unwrap().len(), 1, "{alerts}");
-    assert_eq!(alerts[0]["data"]["code"], "disk_low", "{alerts}");
-    assert!(alerts[0]["message"].as_str().unwrap().starts_with("the disk has "), "{alerts}");
 }

@@ -7,16 +7,18 @@ mod jobs;
 mod meshes;
 mod openapi;
 mod operation;
+mod workers;
 
 use axum::Router;
 use axum::body::Body;
-use axum::http::Request;
+use axum::http::{Request, StatusCode};
 use axum::response::Response;
 use http_body_util::BodyExt;
-use serde_json::Value;
+use serde_json::{Value, json};
 use server::engine::{Engine, EngineConfig};
 use server::{AppState, app};
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use tempfile::TempDir;
 use tokio::sync::watch;
 use tower::ServiceExt;
@@ -29,16 +31,22 @@ async fn idle() -> (Router, TempDir) {
 }
 
 async fn idle_in(folder: &Path) -> AppState {
+    working_with(folder, "ngf".into(), 0).await.0
+}
+
+/// A server in `folder` and its engine, which does jobs with `program` once it is told to work, and
+/// says so where fewer than `free_bytes` of the disk are free.
+async fn working_with(folder: &Path, program: PathBuf, free_bytes: u64) -> (AppState, Arc<Engine>) {
     let config = EngineConfig {
         data: folder.join("data"),
         models: folder.join("models"),
-        program: "ngf".into(),
+        program,
         places: 1,
-        free_bytes: 0,
+        free_bytes,
     };
     let engine = Engine::open(config).await.unwrap();
     let state = AppState::new(&folder.join("web"), &folder.join("models"));
-    state.with_engine(engine, watch::channel(false).1)
+    (state.with_engine(engine.clone(), watch::channel(false).1), engine)
 }
 
 /// Asks something of the API.
@@ -69,4 +77,16 @@ async fn assert_problem(answer: Response, status: u16, code: &str) -> Value {
     let problem = json_of(answer).await;
     assert_eq!(problem["code"], code, "{problem}");
     problem
+}
+
+/// Asks for a small dataset.
+async fn ask(app: &Router, name: &str) -> String {
+    let body = json!({ "kind": "dataset.generate", "name": name, "metadata": { "of": name } });
+    let answer = send(app, "POST", "/jobs", body.to_string()).await;
+    assert_eq!(answer.status(), StatusCode::CREATED);
+    let location = answer.headers()["location"].to_str().unwrap().to_owned();
+    let job = json_of(answer).await;
+    let id = job["id"].as_str().unwrap().to_owned();
+    assert_eq!(location, format!("/api/v1/jobs/{id}"));
+    id
 }
