@@ -1,5 +1,6 @@
 //! Which path leads where.
 
+mod answers;
 mod artifacts;
 mod content;
 mod course;

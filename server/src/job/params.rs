@@ -1,7 +1,7 @@
 //! What each kind of job may be told, with its defaults.
 
 mod checks;
-mod schema;
+pub(super) mod schema;
 
 use super::Kind;
 use policy::network::POLICIES;
@@ -11,7 +11,7 @@ use utoipa::ToSchema;
 
 /// The parameters of a job; once resolved, nothing is left open. They are read back by what they must have: those of a
 /// dataset, which need nothing, come last.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub(crate) enum Params {
     /// See [`MeshParams`].

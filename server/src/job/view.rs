@@ -1,5 +1,6 @@
 //! A job as whoever asks sees it.
 
+use super::params::schema;
 use super::{Failure, Inputs, Job, Kind, Outputs, Params, Progress, Status, Worker};
 use crate::engine::Estimate;
 use chrono::{DateTime, TimeDelta, Utc};
@@ -26,7 +27,7 @@ pub(crate) struct JobView<'a> {
     /// When the phase will be over, if that can be said.
     estimated_finish_at: Option<DateTime<Utc>>,
     updated_at: DateTime<Utc>,
-    /// What it was told, with everything filled in.
+    #[schema(schema_with = schema::any)]
     params: &'a Params,
     seed: u64,
     name: Option<&'a str>,

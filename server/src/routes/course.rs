@@ -1,7 +1,7 @@
 //! What a job measured, as columns of numbers.
 
-use super::Jobs;
 use super::jobs::find;
+use super::{Jobs, answers};
 use crate::Problem;
 use crate::engine::Engine;
 use crate::extract::{Path, Query};
@@ -27,7 +27,7 @@ const READ_AT_A_TIME: i64 = 4096;
 #[utoipa::path(
     get, path = "/jobs/{id}/metrics", tag = "events",
     params(("id" = String, Path, description = "Id of the job"), ("keys" = Option<String>, Query, description = "Names with commas"), ("after_step" = Option<usize>, Query), ("max_points" = Option<usize>, Query), ("format" = Option<String>, Query, description = "json, csv or ndjson")),
-    responses((status = 200, description = "Columns of numbers, thinned so that no peak is lost", body = Object)),
+    responses((status = 200, description = "Columns of numbers, thinned so that no peak is lost", body = answers::Columns)),
 )]
 pub(crate) async fn metrics(
     Jobs(engine): Jobs,

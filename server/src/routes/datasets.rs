@@ -1,7 +1,7 @@
 //! Datasets that jobs made.
 
-use super::Jobs;
-use super::list::{STANDARD_LIMIT, limit};
+use super::list::{Page, STANDARD_LIMIT, limit};
+use super::{Jobs, answers};
 use crate::Problem;
 use crate::engine::Engine;
 use crate::extract::{Path, Query};
@@ -16,7 +16,7 @@ use std::collections::BTreeMap;
 #[utoipa::path(
     get, path = "/datasets", tag = "datasets",
     params(("after" = Option<String>, Query), ("limit" = Option<i64>, Query, minimum = 1, maximum = 100)),
-    responses((status = 200, description = "Datasets, newest first", body = Page<Object>)),
+    responses((status = 200, description = "Datasets, newest first", body = Page<answers::Dataset>)),
 )]
 pub(crate) async fn list(
     Jobs(engine): Jobs,
@@ -28,7 +28,7 @@ pub(crate) async fn list(
 /// One of them.
 #[utoipa::path(
     get, path = "/datasets/{id}", tag = "datasets", params(("id" = String, Path)),
-    responses((status = 200, description = "What is in it", body = Object)),
+    responses((status = 200, description = "What is in it", body = answers::Dataset)),
 )]
 pub(crate) async fn get(
     Jobs(engine): Jobs,
@@ -66,7 +66,7 @@ pub(crate) async fn delete(
         ("after" = Option<usize>, Query, description = "Only those behind this number"),
         ("limit" = Option<i64>, Query, minimum = 1, maximum = 100),
     ),
-    responses((status = 200, description = "Number, object and pose of each", body = Page<Object>)),
+    responses((status = 200, description = "Number, object and pose of each", body = Page<answers::Episode>)),
 )]
 pub(crate) async fn episodes(
     Jobs(engine): Jobs,
@@ -89,7 +89,7 @@ pub(crate) async fn episodes(
 /// One demonstration as the page plays it: object and its pose, joint positions and velocities row by row, 30 a second.
 #[utoipa::path(
     get, path = "/datasets/{id}/episodes/{index}", tag = "datasets", params(("id" = String, Path), ("index" = usize, Path)),
-    responses((status = 200, description = "One demonstration, row by row", body = Object)),
+    responses((status = 200, description = "One demonstration, row by row", body = answers::Demonstration)),
 )]
 pub(crate) async fn episode(
     Jobs(engine): Jobs,

@@ -1,8 +1,8 @@
 //! What happened to jobs: as a list, and as a stream.
 
-use super::Jobs;
 use super::jobs::find;
-use super::list::limit;
+use super::list::{Stretch, limit};
+use super::{Jobs, answers};
 use crate::engine::Engine;
 use crate::extract::{Path, Query};
 use crate::metrics::OpenStream;
@@ -40,7 +40,7 @@ fn kind(text: &str) -> Result<Type, Problem> {
 #[utoipa::path(
     get, path = "/jobs/{id}/events", tag = "events",
     params(("id" = String, Path, description = "Id of the job"), ("after" = Option<String>, Query, description = "Id of an event"), ("limit" = Option<i64>, Query, minimum = 1, maximum = 100), ("type" = Option<String>, Query, description = "Only those of this type, as alert")),
-    responses((status = 200, description = "What happened, oldest first", body = Page<Object>)),
+    responses((status = 200, description = "What happened, oldest first", body = Stretch<answers::Event>)),
 )]
 pub(crate) async fn list(
     Jobs(engine): Jobs,

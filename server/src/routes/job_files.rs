@@ -1,8 +1,9 @@
 //! What jobs leave behind: models on their way, files, logs.
 
-use super::Jobs;
 use super::content::{Content, NOT_KEPT, part_of};
 use super::jobs::find;
+use super::list::Page;
+use super::{Jobs, answers};
 use crate::Problem;
 use crate::extract::{Path, Query};
 use crate::store::Type;
@@ -17,7 +18,7 @@ use std::ops::Range;
 /// Models that it wrote on its way, oldest first.
 #[utoipa::path(
     get, path = "/jobs/{id}/checkpoints", tag = "jobs", params(("id" = String, Path, description = "Id of the job")),
-    responses((status = 200, description = "Models that it wrote on its way", body = Page<Object>)),
+    responses((status = 200, description = "Models that it wrote on its way", body = Page<answers::Checkpoint>)),
 )]
 pub(crate) async fn checkpoints(
     Jobs(engine): Jobs,
@@ -32,7 +33,7 @@ pub(crate) async fn checkpoints(
 /// Its files.
 #[utoipa::path(
     get, path = "/jobs/{id}/artifacts", tag = "jobs", params(("id" = String, Path, description = "Id of the job")),
-    responses((status = 200, description = "Its files", body = Page<Object>)),
+    responses((status = 200, description = "Its files", body = Page<answers::FileOfJob>)),
 )]
 pub(crate) async fn artifacts(
     Jobs(engine): Jobs,

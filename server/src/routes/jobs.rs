@@ -6,7 +6,7 @@ use super::job_request::{
     JobPatch, JobRequest, MOST_METADATA, Request, Verb, checked_metadata, checked_name, flag,
     read_json,
 };
-use super::list::{Page, STANDARD_LIMIT, limit};
+use super::list::{STANDARD_LIMIT, Stretch, limit};
 use crate::engine::{Engine, Report};
 use crate::extract::{Path, Query, Whole};
 use crate::guard::bearer;
@@ -104,7 +104,7 @@ fn created(created: Created) -> Result<Response, Problem> {
         ("limit" = Option<i64>, Query, minimum = 1, maximum = 100),
         ("order" = Option<String>, Query, description = "desc, newest first, or asc"),
     ),
-    responses((status = 200, description = "A page of jobs; `metadata[KEY]=VALUE` filters, too", body = Page<JobView<'static>>)),
+    responses((status = 200, description = "A page of jobs; `metadata[KEY]=VALUE` filters, too", body = Stretch<JobView<'static>>)),
 )]
 pub(crate) async fn list(
     Jobs(engine): Jobs,

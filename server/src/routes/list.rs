@@ -19,6 +19,21 @@ pub(super) struct Page<T> {
     has_more: bool,
 }
 
+/// A page of a list that is read on from its ends.
+#[derive(ToSchema)]
+#[expect(dead_code, reason = "only described")]
+pub(super) struct Stretch<T> {
+    /// Always `list`.
+    object: String,
+    data: Vec<T>,
+    /// Whether there are more after these.
+    has_more: bool,
+    /// Id of the first one here.
+    first_id: Option<String>,
+    /// Id of the last one here.
+    last_id: Option<String>,
+}
+
 /// Entries of a page, if nothing is said.
 pub(super) const STANDARD_LIMIT: i64 = 20;
 /// Entries of a page at most.

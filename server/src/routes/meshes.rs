@@ -1,7 +1,8 @@
 //! Meshes that are uploaded: the same bytes are the same mesh.
 
 use super::content::KEPT;
-use super::{Jobs, artifacts};
+use super::list::Page;
+use super::{Jobs, answers, artifacts};
 use crate::extract::{Path, Query};
 use crate::store::RecordKind;
 use crate::{AppState, Problem};
@@ -26,8 +27,8 @@ const MOST_NAME: usize = 100;
 /// Takes a mesh, raw or as the first file of a form, and says what it is.
 #[utoipa::path(
     post, path = "/meshes", tag = "meshes", params(("name" = Option<String>, Query, description = "Name of the file")),
-    request_body(content = Vec<u8>, content_type = "application/octet-stream", description = "OBJ, STL, PLY, OFF, GLB or glTF; or a form with a file"),
-    responses((status = 201, description = "What the mesh is", body = Object), (status = 200, description = "The same bytes are there", body = Object)),
+    request_body(content = answers::Bytes, content_type = "application/octet-stream", description = "OBJ, STL, PLY, OFF, GLB or glTF; or a form with a file"),
+    responses((status = 201, description = "What the mesh is", body = answers::Mesh), (status = 200, description = "The same bytes are there", body = answers::Mesh)),
 )]
 pub(crate) async fn upload(
     State(state): State<AppState>,
@@ -180,7 +181,7 @@ fn plain(name: &str) -> String {
 #[utoipa::path(
     get, path = "/meshes", tag = "meshes",
     params(("after" = Option<String>, Query), ("limit" = Option<i64>, Query, minimum = 1, maximum = 100)),
-    responses((status = 200, description = "Meshes, newest first", body = Page<Object>)),
+    responses((status = 200, description = "Meshes, newest first", body = Page<answers::Mesh>)),
 )]
 pub(crate) async fn list(
     Jobs(engine): Jobs,
@@ -192,7 +193,7 @@ pub(crate) async fn list(
 /// What is known of one.
 #[utoipa::path(
     get, path = "/meshes/{id}", tag = "meshes", params(("id" = String, Path)),
-    responses((status = 200, description = "What the mesh is", body = Object)),
+    responses((status = 200, description = "What the mesh is", body = answers::Mesh)),
 )]
 pub(crate) async fn get(
     Jobs(engine): Jobs,
@@ -205,7 +206,7 @@ pub(crate) async fn get(
 /// Its bytes.
 #[utoipa::path(
     get, path = "/meshes/{id}/file", tag = "meshes", params(("id" = String, Path)),
-    responses((status = 200, description = "Its bytes", content_type = "application/octet-stream", body = Vec<u8>)),
+    responses((status = 200, description = "Its bytes", content_type = "application/octet-stream", body = answers::Bytes)),
 )]
 pub(crate) async fn file(
     Jobs(engine): Jobs,

@@ -1,7 +1,8 @@
 //! Models: the list, the card, and the files that the page fetches.
 
 use super::content::{CHECKED, Content, KEPT, part_of};
-use super::{Jobs, artifacts};
+use super::list::Page;
+use super::{Jobs, answers, artifacts};
 use crate::extract::{Path, Query};
 use crate::model::{Model, ModelFile, OF_JOB};
 use crate::state::{DEFAULT, Hashed};
@@ -21,7 +22,7 @@ use std::collections::BTreeMap;
         ("after" = Option<String>, Query, description = "Id of the last model of the page before: one of a job"),
         ("limit" = Option<i64>, Query, minimum = 1, maximum = 1000, description = "Models of jobs"),
     ),
-    responses((status = 200, description = "Models with their files and cards", body = Page<Object>)),
+    responses((status = 200, description = "Models with their files and cards", body = Page<answers::Model>)),
 )]
 pub(crate) async fn list(
     State(state): State<AppState>,
@@ -79,7 +80,7 @@ fn described(mut record: Value) -> Value {
 /// One model, with what evaluations counted of it.
 #[utoipa::path(
     get, path = "/models/{id}", tag = "models", params(("id" = String, Path)),
-    responses((status = 200, description = "Its files and card", body = Object)),
+    responses((status = 200, description = "Its files and card", body = answers::Model)),
 )]
 pub(crate) async fn card(
     State(state): State<AppState>,
@@ -135,7 +136,7 @@ pub(crate) async fn delete(
 #[utoipa::path(
     get, path = "/models/{id}/{file}", tag = "models",
     params(("id" = String, Path), ("file" = String, Path, description = "weights, starts or config"), ("blake3" = Option<String>, Query, description = "The hash that it must have")),
-    responses((status = 200, description = "The file", content_type = "application/octet-stream", body = Vec<u8>), (status = 206, description = "A part of it", content_type = "application/octet-stream", body = Vec<u8>)),
+    responses((status = 200, description = "The file", content_type = "application/octet-stream", body = answers::Bytes), (status = 206, description = "A part of it", content_type = "application/octet-stream", body = answers::Bytes)),
 )]
 pub(crate) async fn file(
     State(state): State<AppState>,

@@ -1,5 +1,6 @@
 //! For those who operate the server, and for programs that want to know it.
 
+use super::answers;
 use super::meshes::MOST_BYTES;
 use crate::extract::MOST_BODY;
 use crate::{AppState, Code, Problem};
@@ -109,7 +110,7 @@ pub(super) async fn metrics(State(state): State<AppState>) -> Result<Response, P
 /// Answers as long as the process can.
 #[utoipa::path(
     get, path = "/healthz", tag = "operation",
-    responses((status = 200, description = "It answers", body = Object)),
+    responses((status = 200, description = "It answers", body = answers::State)),
 )]
 pub(super) async fn health() -> Json<Value> {
     Json(json!({ "status": "ok" }))
@@ -118,7 +119,7 @@ pub(super) async fn health() -> Json<Value> {
 /// Which program this is.
 #[utoipa::path(
     get, path = "/version", tag = "operation",
-    responses((status = 200, description = "Name and version", body = Object)),
+    responses((status = 200, description = "Name and version", body = answers::Version)),
 )]
 pub(super) async fn version() -> Json<Value> {
     Json(json!({ "name": "ngf-grasp", "version": env!("CARGO_PKG_VERSION") }))
@@ -127,7 +128,7 @@ pub(super) async fn version() -> Json<Value> {
 /// Answers with 200 once requests can be served.
 #[utoipa::path(
     get, path = "/readyz", tag = "operation",
-    responses((status = 200, description = "It can serve", body = Object)),
+    responses((status = 200, description = "It can serve", body = answers::State)),
 )]
 pub(super) async fn ready(State(state): State<AppState>) -> Response {
     let is_ready = match &state.engine {
@@ -143,7 +144,7 @@ pub(super) async fn ready(State(state): State<AppState>) -> Response {
 /// What there is, and its bounds.
 #[utoipa::path(
     get, path = "/api/v1", tag = "operation",
-    responses((status = 200, description = "Addresses and limits", body = Object)),
+    responses((status = 200, description = "Addresses and limits", body = answers::Api)),
 )]
 pub(super) async fn discover(State(state): State<AppState>) -> Json<Value> {
     let url = |rest: &str| format!("/api/v1/{rest}");

@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "a helper of a test fails by panicking too")]
 
+mod described;
 mod proofs;
 mod server;
 
@@ -37,7 +38,28 @@ fn from_nothing_to_a_policy_with_curl_alone() {
     evaluate.args(["evaluate", "--object", "sugar_box", "--attempts", "1", "--model"]).arg(&out);
     let evaluated = evaluate.output().unwrap();
     assert!(evaluated.status.success(), "{}", String::from_utf8_lossy(&evaluated.stderr));
+    assert_all_is_described(&server);
     assert_all_can_be_deleted(&server, &folder.path().join("data"));
+}
+
+/// Asks for whatever there is: of jobs, datasets, models and meshes of each.
+fn assert_all_is_described(server: &Server) {
+    let mesh =
+        server.upload("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n");
+    for path in described::paths() {
+        let Some((list, of_each)) = path.split_once("/{id}") else {
+            server.get_whole(path);
+            continue;
+        };
+        let all = server.get_whole(list)["data"].take();
+        let ids: Vec<&str> =
+            all.as_array().unwrap().iter().filter_map(|one| one["id"].as_str()).collect();
+        assert!(!ids.is_empty(), "{list}");
+        for id in ids {
+            server.get_whole(&format!("{list}/{id}{}", of_each.replace("{index}", "0")));
+        }
+    }
+    assert_eq!(server.delete(&format!("/meshes/{}", mesh.as_str().unwrap())), 204);
 }
 
 /// Jobs, models and dataset, until nothing is on the disk.

@@ -1,5 +1,6 @@
 //! A server to ask, with whatever it started.
 
+use crate::described::assert_is_described;
 use serde_json::{Value, json};
 use std::io::{BufRead, BufReader};
 use std::path::Path;
@@ -44,8 +45,15 @@ impl Server {
     }
 
     pub(crate) fn get(&self, path: &str) -> Value {
-        let url = format!("{}/api/v1{path}", self.url);
-        ureq::get(url).call().unwrap().body_mut().read_json().unwrap()
+        self.get_whole(&format!("/api/v1{path}"))
+    }
+
+    /// What is at a path of the server: as it is described.
+    pub(crate) fn get_whole(&self, path: &str) -> Value {
+        let url = format!("{}{path}", self.url);
+        let answer = ureq::get(url).call().unwrap().body_mut().read_json().unwrap();
+        assert_is_described(path, &answer);
+        answer
     }
 
     pub(crate) fn post(&self, path: &str, body: &Value) -> Value {

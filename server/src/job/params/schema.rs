@@ -1,9 +1,27 @@
 //! How the server's own description has parameters that are texts of which only some are meant.
 
-use super::{first_policy, full, small};
+use super::{
+    DatasetParams, EncoderParams, EvaluationParams, MeshParams, PolicyParams, first_policy, full,
+    small,
+};
 use dataset::config::PRESETS;
 use policy::network::POLICIES;
-use utoipa::openapi::schema::{ObjectBuilder, Schema, SchemaType, Type};
+use utoipa::ToSchema;
+use utoipa::openapi::Ref;
+use utoipa::openapi::schema::{AnyOfBuilder, ObjectBuilder, Schema, SchemaType, Type};
+
+/// Parameters of a job of whichever kind: those of a mesh could be those of a dataset, too, which needs none.
+pub(crate) fn any() -> Schema {
+    let kinds = [
+        MeshParams::name(),
+        PolicyParams::name(),
+        EncoderParams::name(),
+        EvaluationParams::name(),
+        DatasetParams::name(),
+    ];
+    let any = AnyOfBuilder::new().description(Some("What it was told, with everything filled in."));
+    kinds.into_iter().fold(any, |any, name| any.item(Ref::from_schema_name(name))).into()
+}
 
 /// Presets with their sizes in words.
 pub(super) fn presets() -> Schema {

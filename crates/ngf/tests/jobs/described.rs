@@ -1,0 +1,78 @@
+//! Whether answers are what `GET /openapi.json` says of them.
+
+use jsonschema::Validator;
+use serde_json::{Map, Value, json};
+use std::sync::LazyLock;
+
+/// The description of an answer in JSON to GET.
+struct Described {
+    /// As `/jobs/{id}`.
+    path: String,
+    schema: Validator,
+}
+
+/// Those of all requests.
+static DESCRIBED: LazyLock<Vec<Described>> = LazyLock::new(|| {
+    let api = serde_json::to_value(server::openapi()).unwrap();
+    let schema = |item: &Value| {
+        let answer = &item["get"]["responses"]["200"]["content"]["application/json"]["schema"];
+        let schema = (!answer.is_null()).then(|| closed(answer, &api))?;
+        Some(jsonschema::draft202012::new(&schema).unwrap())
+    };
+    let paths = api["paths"].as_object().unwrap().iter();
+    let described = |(path, item): (&String, &Value)| {
+        Some(Described { path: path.clone(), schema: schema(item)? })
+    };
+    paths.filter_map(described).collect()
+});
+
+/// The schema without references, in which nothing is left out: an object has no other properties than those it names.
+fn closed(schema: &Value, api: &Value) -> Value {
+    match schema {
+        Value::Array(all) => all.iter().map(|one| closed(one, api)).collect(),
+        Value::Object(object) => closed_object(object, api),
+        plain => plain.clone(),
+    }
+}
+
+fn closed_object(schema: &Map<String, Value>, api: &Value) -> Value {
+    if let Some(Value::String(reference)) = schema.get("$ref") {
+        return closed(api.pointer(reference.trim_start_matches('#')).unwrap(), api);
+    }
+    let each = |(name, part): (&String, &Value)| (name.clone(), closed(part, api));
+    let mut schema: Map<String, Value> = schema.iter().map(each).collect();
+    if let Some(Value::Array(all)) = schema.remove("allOf") {
+        let (mut properties, mut required) = (Map::new(), Vec::new());
+        for one in all {
+            properties.extend(one["properties"].as_object().unwrap().clone());
+            required.extend(one["required"].as_array().cloned().unwrap_or_default());
+        }
+        return json!({ "properties": properties, "required": required, "additionalProperties": false });
+    }
+    if schema.get("properties").is_some_and(Value::is_object) {
+        schema.entry("additionalProperties").or_insert(false.into());
+    }
+    schema.into()
+}
+
+/// The paths of all requests that are answered in JSON, as `/jobs/{id}`.
+pub(crate) fn paths() -> impl Iterator<Item = &'static str> {
+    DESCRIBED.iter().map(|one| one.path.as_str())
+}
+
+/// Checks what GET `path` was answered with.
+pub(crate) fn assert_is_described(path: &str, answer: &Value) {
+    let asked = path.split('?').next().unwrap();
+    let is_at = |described: &&Described| {
+        let [named, asked] = [described.path.as_str(), asked].map(|path| path.split('/'));
+        named.clone().count() == asked.clone().count()
+            && named.zip(asked).all(|(name, part)| name.starts_with('{') || name == part)
+    };
+    let described = DESCRIBED.iter().find(is_at).unwrap_or_else(|| panic!("{path}"));
+    let wrong: Vec<String> = described
+        .schema
+        .iter_errors(answer)
+        .map(|error| format!("{}: {error}", error.instance_path()))
+        .collect();
+    assert!(wrong.is_empty(), "{path}: {wrong:#?}");
+}
