@@ -65,12 +65,16 @@ pub(crate) fn shared(origins: &[HeaderValue]) -> Option<CorsLayer> {
     })
 }
 
-/// Who refuses the plain form gets it all the same: the compression would answer with 406 when the work is done.
+/// Overlooks what a request asks for in vain. Who refuses the plain form gets it all the same: the compression would
+/// answer with 406 when the work is done. A range is meant for GET alone (RFC 9110, 14.2).
 pub(crate) async fn lenient(mut request: Request) -> Request {
     let accepted = request.headers().get(header::ACCEPT_ENCODING);
     let accepted = accepted.and_then(|value| value.to_str().ok()).unwrap_or_default();
     if accepted.split(',').any(|one| one.replace(' ', "").ends_with(";q=0")) {
         request.headers_mut().remove(header::ACCEPT_ENCODING);
+    }
+    if request.method() == Method::HEAD {
+        request.headers_mut().remove(header::RANGE);
     }
     request
 }

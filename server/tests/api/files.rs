@@ -190,6 +190,11 @@ async fn weights_answer_conditions_and_ranges() {
     assert_eq!(header(&part, "content-range"), "bytes 2-4/10");
     assert_eq!(bytes(part).await, b"234");
 
+    let head = Request::head(path).header("range", "bytes=2-4").body(Body::empty());
+    let head = send(&folder, head.expect("a request")).await;
+    assert_eq!(head.status(), StatusCode::OK);
+    assert_eq!(header(&head, "content-length"), "10");
+
     let other = get_with(&folder, path, &[("range", "bytes=2-4"), ("if-range", "\"old\"")]).await;
     assert_eq!(other.status(), StatusCode::OK);
     assert_eq!(bytes(other).await, WEIGHTS);
