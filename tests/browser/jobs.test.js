@@ -330,6 +330,9 @@ test("the page of the API has every request, and tries it", async () => {
   assert.deepEqual(new Set(told), new Set(Object.keys(description.paths)));
   const models = page.locator("[aria-label='get /api/v1/models']");
   assert.match(await models.locator(".shell code").textContent(), /^curl -fsS http.*\/api\/v1\/models$/);
+  await models.locator("summary").click();
+  const held = await models.locator("details code").allTextContents();
+  for (const member of ["data[].files.*.url", "data[].evaluations[].reports[].lifted"]) assert.ok(held.includes(member), `${held}`);
   await models.locator("button:has-text('Try it')").click();
   // All cards together are longer than what is shown.
   await page.waitForFunction(() => /^200[^]*"lifted"[^]*first 20,000 of [\d,]+ characters$/.test(document.querySelector("[aria-label='get /api/v1/models'] .answer").textContent));

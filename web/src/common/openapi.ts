@@ -15,6 +15,7 @@ export interface Schema {
   required?: string[];
   properties?: Record<string, Schema>;
   items?: Schema;
+  additionalProperties?: Schema | boolean;
   allOf?: Schema[];
   oneOf?: Schema[];
 }
@@ -49,8 +50,10 @@ export async function describe(): Promise<Description> {
   throw new Refused(noServer(NO_SERVER.behindNone));
 }
 
-// What a reference leads to.
+// What a reference leads to, and what there is where there may be nothing.
 export function resolve(description: Description, schema: Schema): Schema {
+  const present = schema.oneOf?.length === 2 && schema.oneOf.some((one) => one.type === "null") && schema.oneOf.find((one) => one.type !== "null");
+  if (present) return resolve(description, present);
   if (!schema.$ref) return schema;
   const found = description.components.schemas[schema.$ref.split("/").pop() ?? ""] ?? {};
   return { ...found, description: schema.description ?? found.description ?? "" };

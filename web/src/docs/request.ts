@@ -23,7 +23,7 @@ export function requestCard(description: Description, method: string, path: stri
   );
   if (parameters.length > 0) card.append(parameterTable(parameters));
   if (body) card.append(bodyTable(description, body));
-  card.append(answers(operation), tried(description, method, path, parameters, operation));
+  card.append(answers(description, operation), tried(description, method, path, parameters, operation));
   return card;
 }
 
@@ -32,7 +32,7 @@ function parameterTable(parameters: Parameter[]): HTMLElement {
     h("code", {}, one.name),
     [one.in, one.required && REQUEST.required].filter(Boolean).join(", "),
     typeOf(one.schema),
-    one.description ?? "",
+    prose(one.description),
   ]);
   return table(REQUEST.parameters, rows);
 }
@@ -53,20 +53,45 @@ function bodyTable(description: Description, schema: Schema): HTMLElement {
 
 function row(description: Description, name: string, schema: Schema, required: string[]): (Node | string)[] {
   const property = resolve(description, schema);
-  return [h("code", {}, name), required.includes(name) ? REQUEST.required : "", typeOf(property), property.description ?? ""];
+  return [h("code", {}, name), required.includes(name) ? REQUEST.required : "", typeOf(property), prose(property.description)];
+}
+
+// Words with names in them.
+function prose(text = ""): HTMLElement {
+  return h("span", {}, ...text.split("`").map((part, i) => (i % 2 === 0 ? part : h("code", {}, part))));
 }
 
 function typeOf(schema: Schema): string {
   if (schema.enum) return schema.enum.map((value) => `"${value}"`).join(" | ");
   const bounds = [schema.minimum !== undefined && REQUEST.from(schema.minimum), schema.maximum !== undefined && REQUEST.to(schema.maximum)].filter(Boolean);
+  if (schema.items?.type) return `${typeOf(schema.items)}[]`;
   const name = [schema.type ?? "object"].flat().filter((one) => one !== "null").join(" | ");
   return [name, ...bounds].join(" ");
 }
 
-function answers({ responses }: Operation): HTMLElement {
-  const item = ([status, { description, content }]: [string, Operation["responses"][string]]) =>
-    h("li", {}, h("code", {}, status === "default" ? REQUEST.otherwise : status), ` ${description}`, content ? h("small", { class: "hint" }, ` ${Object.keys(content).join(", ")}`) : null);
+function answers(description: Description, { responses }: Operation): HTMLElement {
+  const item = ([status, { description: words, content }]: [string, Operation["responses"][string]]) => {
+    const kinds = content ? h("small", { class: "hint" }, ` ${Object.keys(content).join(", ")}`) : null;
+    return h("li", {}, h("code", {}, status === "default" ? REQUEST.otherwise : status), ` ${words}`, kinds, held(description, content));
+  };
   return h("ul", { class: "answers" }, ...Object.entries(responses).map(item));
+}
+
+// The members of an answer in JSON; those of a problem are the same everywhere.
+function held(description: Description, content: Operation["responses"][string]["content"]): HTMLElement | null {
+  const rows = answerRows(description, content?.["application/json"]?.schema ?? {});
+  return rows.length > 0 ? h("details", {}, h("summary", {}, REQUEST.held), table(REQUEST.answered, rows)) : null;
+}
+
+// The members of an object, each followed by those of what it holds, however deep.
+function answerRows(description: Description, schema: Schema, path = ""): (Node | string)[][] {
+  return Object.entries(members(description, schema).properties).flatMap(([name, property]) => {
+    const member = resolve(description, property);
+    const each = typeof member.additionalProperties === "object" ? member.additionalProperties : undefined;
+    const inner = member.items ?? each ?? member;
+    const way = `${path}${name}${member.items ? "[]" : each ? ".*" : ""}.`;
+    return [[h("code", {}, `${path}${name}`), typeOf(member), prose(member.description)], ...answerRows(description, inner, way)];
+  });
 }
 
 // Fields for what is asked, the same for a shell, and the answer.

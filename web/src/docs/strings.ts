@@ -10,6 +10,8 @@ export const REQUEST = {
   from: (least: number) => `from ${least}`,
   to: (most: number) => `to ${most}`,
   otherwise: "else",
+  held: "What it holds",
+  answered: ["Member", "Type", ""],
 } as const;
 
 // Where it is tried.
