@@ -3,6 +3,7 @@
 use crate::job::{Progress, Worker};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
+use utoipa::ToSchema;
 
 /// What a process needs to know, in the file that [`super::JOB_FILE`] names.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -16,7 +17,7 @@ pub struct JobFile {
 }
 
 /// A report: all of it may be missing, then it only says that the process is there.
-#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize, ToSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Report {
     /// Which report of this process it is, from 1: one that is sent again is heard once. 0 has no number.
@@ -34,7 +35,7 @@ pub struct Report {
 }
 
 /// Something that happened in a process.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Note {
     /// It said something.
@@ -51,7 +52,7 @@ pub enum Note {
 }
 
 /// How a process ended.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Ended {
     /// All is done.
@@ -61,7 +62,7 @@ pub enum Ended {
 }
 
 /// What a process is to do.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Command {
     /// Go on.
@@ -71,7 +72,7 @@ pub enum Command {
 }
 
 /// The answer to a report.
-#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize, ToSchema)]
 pub struct Answer {
     /// What to do.
     pub command: Command,

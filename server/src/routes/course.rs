@@ -27,7 +27,10 @@ const READ_AT_A_TIME: i64 = 4096;
 #[utoipa::path(
     get, path = "/jobs/{id}/metrics", tag = "events",
     params(("id" = String, Path, description = "Id of the job"), ("keys" = Option<String>, Query, description = "Names with commas"), ("after_step" = Option<usize>, Query), ("max_points" = Option<usize>, Query), ("format" = Option<String>, Query, description = "json, csv or ndjson")),
-    responses((status = 200, description = "Columns of numbers, thinned so that no peak is lost", body = answers::Columns)),
+    responses((
+        status = 200, description = "Columns of numbers, thinned so that no peak is lost",
+        content((answers::Columns = "application/json"), (String = "text/csv"), (String = "application/x-ndjson")),
+    )),
 )]
 pub(crate) async fn metrics(
     Jobs(engine): Jobs,

@@ -7,7 +7,7 @@ use super::job_request::{
     read_json,
 };
 use super::list::{STANDARD_LIMIT, Stretch, limit};
-use crate::engine::{Engine, Report};
+use crate::engine::{Answer, Engine, Report};
 use crate::extract::{Path, Query, Whole};
 use crate::guard::bearer;
 use crate::job::{Job, JobView, Kind, Params, Status};
@@ -305,8 +305,8 @@ pub(crate) async fn delete(
 
 /// Hears the process of a job.
 #[utoipa::path(
-    post, path = "/jobs/{id}/reports", tag = "processes", params(("id" = String, Path, description = "Id of the job")), request_body = Object,
-    responses((status = 200, description = "What the process is to do", body = Object)),
+    post, path = "/jobs/{id}/reports", tag = "processes", params(("id" = String, Path, description = "Id of the job")), request_body = Report,
+    responses((status = 200, description = "What the process is to do", body = Answer)),
 )]
 pub(crate) async fn report(
     Jobs(engine): Jobs,

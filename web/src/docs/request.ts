@@ -23,7 +23,7 @@ export function requestCard(description: Description, method: string, path: stri
   );
   if (parameters.length > 0) card.append(parameterTable(parameters));
   if (body) card.append(bodyTable(description, body));
-  card.append(answers(description, operation), tried(description, method, path, parameters, operation));
+  card.append(answers(description, operation), tried(method, path, parameters, operation));
   return card;
 }
 
@@ -95,12 +95,12 @@ function answerRows(description: Description, schema: Schema, path = ""): (Node 
 }
 
 // Fields for what is asked, the same for a shell, and the answer.
-function tried(description: Description, method: string, path: string, parameters: Parameter[], operation: Operation): HTMLElement {
+function tried(method: string, path: string, parameters: Parameter[], operation: Operation): HTMLElement {
   const asked = parameters.filter((one) => one.in !== "header");
   const inputs = asked.map((one) => h("input", { type: "text", placeholder: one.name, "aria-label": one.name, size: 14 }));
   const isJson = operation.requestBody?.content["application/json"] !== undefined;
   const text = isJson ? h("textarea", { rows: 4, "aria-label": TRIED.body, spellcheck: "false" }) : null;
-  if (text) text.value = example(description, operation);
+  if (text) text.value = example(operation);
   const file = operation.requestBody && !isJson ? h("input", { type: "file", "aria-label": TRIED.file }) : null;
   const shell = h("code");
   const answer = h("pre", { class: "answer", tabindex: 0, hidden: true, role: "region", "aria-label": TRIED.answer });
@@ -180,11 +180,7 @@ function cut(text: string): string {
   return `${text.slice(0, MOST_SHOWN)}\n${TRIED.cut(MOST_SHOWN.toLocaleString("en"), text.length.toLocaleString("en"))}`;
 }
 
-function example(description: Description, operation: Operation): string {
-  if (!operation.requestBody?.content["application/json"]) return "";
-  const { properties } = members(description, operation.requestBody.content["application/json"].schema ?? {});
-  const isJob = operation.operationId === "create";
-  if (isJob) return '{"kind": "dataset.generate", "params": {"preset": "smoke"}}';
-  const first = Object.keys(properties)[0];
-  return first ? JSON.stringify({ [first]: "" }) : "{}";
+// A small job; of a change or a report all may be left out.
+function example(operation: Operation): string {
+  return operation.operationId === "create" ? '{"kind": "dataset.generate", "params": {"preset": "smoke"}}' : "{}";
 }
