@@ -60,7 +60,7 @@ pub(super) struct Dataset {
     created_at: DateTime<Utc>,
     /// What it was told: objects, poses, trajectories, seed and the like.
     config: Map<String, Value>,
-    /// What is in it: grasps, demonstrations kept, and why others were not.
+    /// By object: grasps, demonstrations kept, and why others were not.
     summary: Map<String, Value>,
 }
 
@@ -197,7 +197,7 @@ struct Evaluation {
     model_id: String,
     job: String,
     created_at: DateTime<Utc>,
-    /// One for each object.
+    /// One for each who acted: the policy and, where asked, the controls.
     reports: Vec<Counted>,
 }
 
@@ -219,10 +219,21 @@ struct Counted {
     seed: u64,
     scene_hash: String,
     object_hash: String,
-    /// None of the planner, which has no files.
-    model_hash: Option<String>,
-    /// Of a mesh: which of its sides was up.
-    stands: Option<String>,
+    /// Hash of the model's files.
+    model_hash: String,
+    /// Of a mesh: how it stood.
+    stands: Option<Stands>,
+}
+
+/// How a mesh stands.
+#[derive(ToSchema)]
+#[serde(rename_all = "camelCase")]
+#[expect(dead_code, reason = "only described")]
+enum Stands {
+    /// As its file has it.
+    AsInFile,
+    /// On one of the sides that hold it, the steadiest being 0.
+    On(u64),
 }
 
 /// Something that happened to a job.
@@ -265,7 +276,8 @@ pub(super) struct FileOfJob {
     url: String,
 }
 
-/// Columns of numbers by name, as long as that of the steps.
+/// Columns of numbers by name, all as long as `step`; `wall` is seconds since the job began, null that nothing was
+/// measured.
 #[derive(ToSchema)]
 #[expect(dead_code, reason = "only described")]
 pub(super) struct Columns(BTreeMap<String, Vec<Option<f64>>>);

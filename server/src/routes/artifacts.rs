@@ -11,7 +11,7 @@ use axum::response::Response;
 /// One file, or a part of it.
 #[utoipa::path(
     get, path = "/artifacts/{hash}", tag = "artifacts", params(("hash" = String, Path, description = "BLAKE3, hex")),
-    responses((status = 200, description = "The file", content_type = "application/octet-stream", body = answers::Bytes), (status = 206, description = "A part of it", content_type = "application/octet-stream", body = answers::Bytes), (status = 304, description = "It is as If-None-Match says")),
+    responses((status = 200, description = "The file", content_type = "*/*", body = answers::Bytes), (status = 206, description = "A part of it", content_type = "*/*", body = answers::Bytes), (status = 304, description = "It is as If-None-Match says")),
 )]
 pub(crate) async fn get(
     Jobs(engine): Jobs,

@@ -19,7 +19,7 @@ pub(super) struct Page<T> {
     has_more: bool,
 }
 
-/// A page of a list that is read on from its ends.
+/// A page of a list, with the ids at its ends.
 #[derive(ToSchema)]
 #[expect(dead_code, reason = "only described")]
 pub(super) struct Stretch<T> {
@@ -28,9 +28,9 @@ pub(super) struct Stretch<T> {
     data: Vec<T>,
     /// Whether there are more after these.
     has_more: bool,
-    /// Id of the first one here.
+    /// Id of the first one here; null if there is none.
     first_id: Option<String>,
-    /// Id of the last one here.
+    /// Id of the last one here; null if there is none.
     last_id: Option<String>,
 }
 

@@ -206,7 +206,11 @@ pub(crate) async fn get(
 /// Its bytes.
 #[utoipa::path(
     get, path = "/meshes/{id}/file", tag = "meshes", params(("id" = String, Path)),
-    responses((status = 200, description = "Its bytes", content_type = "application/octet-stream", body = answers::Bytes)),
+    responses(
+        (status = 200, description = "Its bytes", content_type = "*/*", body = answers::Bytes),
+        (status = 206, description = "A part of them", content_type = "*/*", body = answers::Bytes),
+        (status = 304, description = "They are as If-None-Match says"),
+    ),
 )]
 pub(crate) async fn file(
     Jobs(engine): Jobs,

@@ -136,7 +136,11 @@ pub(crate) async fn delete(
 #[utoipa::path(
     get, path = "/models/{id}/{file}", tag = "models",
     params(("id" = String, Path), ("file" = String, Path, description = "weights, starts or config"), ("blake3" = Option<String>, Query, description = "The hash that it must have")),
-    responses((status = 200, description = "The file", content_type = "application/octet-stream", body = answers::Bytes), (status = 206, description = "A part of it", content_type = "application/octet-stream", body = answers::Bytes)),
+    responses(
+        (status = 200, description = "The file", content((answers::Bytes = "application/octet-stream"), (Value = "application/json"))),
+        (status = 206, description = "A part of it", content_type = "*/*", body = answers::Bytes),
+        (status = 304, description = "It is as If-None-Match says"),
+    ),
 )]
 pub(crate) async fn file(
     State(state): State<AppState>,

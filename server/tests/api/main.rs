@@ -35,7 +35,7 @@ async fn idle_in(folder: &Path) -> AppState {
 }
 
 /// A server in `folder` and its engine, which does jobs with `program` once it is told to work, and
-/// says so where fewer than `free_bytes` of the disk are free.
+/// warns where fewer than `free_bytes` of the disk are free.
 async fn working_with(folder: &Path, program: PathBuf, free_bytes: u64) -> (AppState, Arc<Engine>) {
     let config = EngineConfig {
         data: folder.join("data"),

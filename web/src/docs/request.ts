@@ -19,7 +19,7 @@ export function requestCard(description: Description, method: string, path: stri
     "section",
     { class: "request", id, "aria-label": `${method} ${path}` },
     h("h3", {}, h("b", { class: `is-${method}` }, method), " ", h("code", {}, path)),
-    h("p", {}, [operation.summary, operation.description].filter(Boolean).join(" ")),
+    h("p", {}, prose([operation.summary, operation.description].filter(Boolean).join(" "))),
   );
   if (parameters.length > 0) card.append(parameterTable(parameters));
   if (body) card.append(bodyTable(description, body));
@@ -64,7 +64,8 @@ function prose(text = ""): HTMLElement {
 function typeOf(schema: Schema): string {
   if (schema.enum) return schema.enum.map((value) => `"${value}"`).join(" | ");
   const bounds = [schema.minimum !== undefined && REQUEST.from(schema.minimum), schema.maximum !== undefined && REQUEST.to(schema.maximum)].filter(Boolean);
-  if (schema.items?.type) return `${typeOf(schema.items)}[]`;
+  if (schema.items) return `${typeOf(schema.items)}[]`;
+  if (schema.oneOf?.every((one) => one.type)) return [...new Set(schema.oneOf.map(typeOf))].join(" | ");
   const name = [schema.type ?? "object"].flat().filter((one) => one !== "null").join(" | ");
   return [name, ...bounds].join(" ");
 }
@@ -72,7 +73,7 @@ function typeOf(schema: Schema): string {
 function answers(description: Description, { responses }: Operation): HTMLElement {
   const item = ([status, { description: words, content }]: [string, Operation["responses"][string]]) => {
     const kinds = content ? h("small", { class: "hint" }, ` ${Object.keys(content).join(", ")}`) : null;
-    return h("li", {}, h("code", {}, status === "default" ? REQUEST.otherwise : status), ` ${words}`, kinds, held(description, content));
+    return h("li", {}, h("code", {}, status === "default" ? REQUEST.otherwise : status), " ", prose(words), kinds, held(description, content));
   };
   return h("ul", { class: "answers" }, ...Object.entries(responses).map(item));
 }
@@ -85,6 +86,8 @@ function held(description: Description, content: Operation["responses"][string][
 
 // The members of an object, each followed by those of what it holds, however deep.
 function answerRows(description: Description, schema: Schema, path = ""): (Node | string)[][] {
+  const { additionalProperties: any, description: words } = resolve(description, schema);
+  if (path === "" && typeof any === "object") return [[h("code", {}, "*"), typeOf(any), prose(words)]];
   return Object.entries(members(description, schema).properties).flatMap(([name, property]) => {
     const member = resolve(description, property);
     const each = typeof member.additionalProperties === "object" ? member.additionalProperties : undefined;

@@ -1,29 +1,38 @@
-//! Whether answers are what `GET /openapi.json` says of them.
+//! Whether answers in JSON are what `GET /openapi.json` says of them.
 
 use jsonschema::Validator;
 use serde_json::{Map, Value, json};
 use std::sync::LazyLock;
 
-/// The description of an answer in JSON to GET.
+/// The description of what a request is answered with, if that is JSON and nothing went wrong.
 struct Described {
+    method: &'static str,
     /// As `/jobs/{id}`.
     path: String,
     schema: Validator,
 }
 
-/// Those of all requests.
+/// Those of all requests, first those whose path leaves the least open.
 static DESCRIBED: LazyLock<Vec<Described>> = LazyLock::new(|| {
     let api = serde_json::to_value(server::openapi()).unwrap();
-    let schema = |item: &Value| {
-        let answer = &item["get"]["responses"]["200"]["content"]["application/json"]["schema"];
-        let schema = (!answer.is_null()).then(|| closed(answer, &api))?;
-        Some(jsonschema::draft202012::new(&schema).unwrap())
-    };
-    let paths = api["paths"].as_object().unwrap().iter();
-    let described = |(path, item): (&String, &Value)| {
-        Some(Described { path: path.clone(), schema: schema(item)? })
-    };
-    paths.filter_map(described).collect()
+    let mut all = Vec::new();
+    for (path, item) in api["paths"].as_object().unwrap() {
+        for method in ["get", "post", "patch"] {
+            let answers = item[method]["responses"].as_object().into_iter().flatten();
+            let good = answers.filter(|(status, _)| status.starts_with('2'));
+            let schema = |(_, answer): (_, &Value)| {
+                answer.pointer("/content/application~1json/schema").cloned()
+            };
+            // Several of one request are the same.
+            if let Some(schema) = good.filter_map(schema).next() {
+                let options = jsonschema::options().should_validate_formats(true);
+                let schema = options.build(&closed(&schema, &api)).unwrap();
+                all.push(Described { method, path: path.clone(), schema });
+            }
+        }
+    }
+    all.sort_by_key(|one| one.path.matches('{').count());
+    all
 });
 
 /// The schema without references, in which nothing is left out: an object has no other properties than those it names.
@@ -47,7 +56,10 @@ fn closed_object(schema: &Map<String, Value>, api: &Value) -> Value {
             properties.extend(one["properties"].as_object().unwrap().clone());
             required.extend(one["required"].as_array().cloned().unwrap_or_default());
         }
-        return json!({ "properties": properties, "required": required, "additionalProperties": false });
+        return json!({
+            "type": "object", "properties": properties, "required": required,
+            "additionalProperties": false,
+        });
     }
     if schema.get("properties").is_some_and(Value::is_object) {
         schema.entry("additionalProperties").or_insert(false.into());
@@ -55,24 +67,25 @@ fn closed_object(schema: &Map<String, Value>, api: &Value) -> Value {
     schema.into()
 }
 
-/// The paths of all requests that are answered in JSON, as `/jobs/{id}`.
+/// The paths of all GET that are answered in JSON, as `/jobs/{id}`.
 pub(crate) fn paths() -> impl Iterator<Item = &'static str> {
-    DESCRIBED.iter().map(|one| one.path.as_str())
+    DESCRIBED.iter().filter(|one| one.method == "get").map(|one| one.path.as_str())
 }
 
-/// Checks what GET `path` was answered with.
-pub(crate) fn assert_is_described(path: &str, answer: &Value) {
+/// Checks what a request was answered with.
+pub(crate) fn assert_is_described(method: &str, path: &str, answer: &Value) {
     let asked = path.split('?').next().unwrap();
     let is_at = |described: &&Described| {
         let [named, asked] = [described.path.as_str(), asked].map(|path| path.split('/'));
-        named.clone().count() == asked.clone().count()
+        described.method == method
+            && named.clone().count() == asked.clone().count()
             && named.zip(asked).all(|(name, part)| name.starts_with('{') || name == part)
     };
-    let described = DESCRIBED.iter().find(is_at).unwrap_or_else(|| panic!("{path}"));
+    let described = DESCRIBED.iter().find(is_at).unwrap_or_else(|| panic!("{method} {path}"));
     let wrong: Vec<String> = described
         .schema
         .iter_errors(answer)
         .map(|error| format!("{}: {error}", error.instance_path()))
         .collect();
-    assert!(wrong.is_empty(), "{path}: {wrong:#?}");
+    assert!(wrong.is_empty(), "{method} {path}: {wrong:#?}");
 }

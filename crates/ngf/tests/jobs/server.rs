@@ -48,17 +48,21 @@ impl Server {
         self.get_whole(&format!("/api/v1{path}"))
     }
 
-    /// What is at a path of the server: as it is described.
+    /// What is at a path of the server, checked against its description.
     pub(crate) fn get_whole(&self, path: &str) -> Value {
         let url = format!("{}{path}", self.url);
-        let answer = ureq::get(url).call().unwrap().body_mut().read_json().unwrap();
-        assert_is_described(path, &answer);
+        let answer = ureq::get(url).call().unwrap_or_else(|error| panic!("{path}: {error}"));
+        let answer = answer.into_body().read_json().unwrap();
+        assert_is_described("get", path, &answer);
         answer
     }
 
     pub(crate) fn post(&self, path: &str, body: &Value) -> Value {
-        let url = format!("{}/api/v1{path}", self.url);
-        ureq::post(url).send_json(body).unwrap().body_mut().read_json().unwrap()
+        let path = format!("/api/v1{path}");
+        let answer = ureq::post(format!("{}{path}", self.url)).send_json(body);
+        let answer = answer.unwrap().body_mut().read_json().unwrap();
+        assert_is_described("post", &path, &answer);
+        answer
     }
 
     /// Deletes something; gives the status of the answer.
@@ -82,6 +86,7 @@ impl Server {
     pub(crate) fn upload(&self, obj: &str) -> Value {
         let url = format!("{}/api/v1/meshes?name=mesh.obj", self.url);
         let mesh: Value = ureq::post(url).send(obj).unwrap().body_mut().read_json().unwrap();
+        assert_is_described("post", "/api/v1/meshes", &mesh);
         mesh["id"].clone()
     }
 

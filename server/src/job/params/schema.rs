@@ -1,4 +1,4 @@
-//! How the server's own description has parameters that are texts of which only some are meant.
+//! How the server's own description has parameters that a derived one could not tell.
 
 use super::{
     DatasetParams, EncoderParams, EvaluationParams, MeshParams, PolicyParams, first_policy, full,
@@ -10,7 +10,7 @@ use utoipa::ToSchema;
 use utoipa::openapi::Ref;
 use utoipa::openapi::schema::{AnyOfBuilder, ObjectBuilder, Schema, SchemaType, Type};
 
-/// Parameters of a job of whichever kind: those of a mesh could be those of a dataset, too, which needs none.
+/// Parameters of a job of whichever kind: any of these and not one of them, because a mesh alone fits a dataset, too.
 pub(crate) fn any() -> Schema {
     let kinds = [
         MeshParams::name(),
