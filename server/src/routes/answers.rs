@@ -22,10 +22,10 @@ pub(super) struct Version {
     version: String,
 }
 
-/// How the program is.
+/// Whether the program can serve.
 #[derive(ToSchema)]
 #[expect(dead_code, reason = "only described")]
-pub(super) struct State {
+pub(super) struct Health {
     /// `ok`, or `ready`.
     status: String,
 }

@@ -110,7 +110,7 @@ pub(super) async fn metrics(State(state): State<AppState>) -> Result<Response, P
 /// Answers as long as the process can.
 #[utoipa::path(
     get, path = "/healthz", tag = "operation",
-    responses((status = 200, description = "It answers", body = answers::State)),
+    responses((status = 200, description = "It answers", body = answers::Health)),
 )]
 pub(super) async fn health() -> Json<Value> {
     Json(json!({ "status": "ok" }))
@@ -128,7 +128,7 @@ pub(super) async fn version() -> Json<Value> {
 /// Answers with 200 once requests can be served.
 #[utoipa::path(
     get, path = "/readyz", tag = "operation",
-    responses((status = 200, description = "It can serve", body = answers::State)),
+    responses((status = 200, description = "It can serve", body = answers::Health)),
 )]
 pub(super) async fn ready(State(state): State<AppState>) -> Response {
     let is_ready = match &state.engine {
