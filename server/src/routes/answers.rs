@@ -276,8 +276,8 @@ pub(super) struct FileOfJob {
     url: String,
 }
 
-/// Columns of numbers by name, all as long as `step`; `wall` is seconds since the job began, null that nothing was
-/// measured.
+/// Columns of numbers by name, all as long as `step`: null where nothing was measured; `wall` is seconds since the job
+/// began.
 #[derive(ToSchema)]
 #[expect(dead_code, reason = "only described")]
 pub(super) struct Columns(BTreeMap<String, Vec<Option<f64>>>);

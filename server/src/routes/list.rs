@@ -23,11 +23,8 @@ pub(super) struct Page<T> {
 #[derive(ToSchema)]
 #[expect(dead_code, reason = "only described")]
 pub(super) struct Stretch<T> {
-    /// Always `list`.
-    object: String,
-    data: Vec<T>,
-    /// Whether there are more after these.
-    has_more: bool,
+    #[serde(flatten)]
+    page: Page<T>,
     /// Id of the first one here; null if there is none.
     first_id: Option<String>,
     /// Id of the last one here; null if there is none.

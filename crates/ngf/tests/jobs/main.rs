@@ -38,51 +38,8 @@ fn from_nothing_to_a_policy_with_curl_alone() {
     evaluate.args(["evaluate", "--object", "sugar_box", "--attempts", "1", "--model"]).arg(&out);
     let evaluated = evaluate.output().unwrap();
     assert!(evaluated.status.success(), "{}", String::from_utf8_lossy(&evaluated.stderr));
-    assert_all_is_described(&server);
+    described::assert_all_is_described(&server);
     assert_all_can_be_deleted(&server, &folder.path().join("data"));
-}
-
-/// Asks for everything that is answered in JSON, of each job, dataset, model and mesh.
-fn assert_all_is_described(server: &Server) {
-    // Beside what there is: checkpoints, and an evaluation of a mesh that falls over as it stands.
-    let mesh = server.upload(&proofs::tetrahedron(-0.1));
-    let models = server.get("/models")["data"].take();
-    let of_kind = |kind: &str| {
-        let mut models = models.as_array().unwrap().iter();
-        models.find(|model| model["kind"] == kind).unwrap()["id"].clone()
-    };
-    let trained = server.ask(
-        "policy.train",
-        json!({
-            "dataset_id": server.get("/datasets")["data"][0]["id"], "encoder_id": of_kind("encoder"),
-            "preset": "smoke", "steps": 4, "batch": 4, "checkpoint": 2,
-        }),
-    );
-    let evaluated = server.ask(
-        "policy.evaluate",
-        json!({ "model_id": of_kind("policy"), "mesh_id": mesh, "mass_kg": 0.1, "attempts": 1 }),
-    );
-    for id in [&trained, &evaluated] {
-        server.wait_for(id, "succeeded");
-    }
-    server.post("/jobs?dry_run=true", &json!({ "kind": "dataset.generate" }));
-    // An encoder has no file of its configuration.
-    for path in described::paths().filter(|path| !path.ends_with("/{file}")) {
-        let Some((list, of_each)) = path.split_once("/{id}") else {
-            server.get_whole(path);
-            continue;
-        };
-        let all = server.get_whole(list)["data"].take();
-        let ids = all.as_array().unwrap().iter().filter_map(|one| one["id"].as_str());
-        let of_id = |id| format!("{list}/{id}{}", of_each.replace("{index}", "0"));
-        let answers: Vec<Value> = ids.map(|id| server.get_whole(&of_id(id))).collect();
-        // What is a list is not empty everywhere.
-        let is_empty = |answer: &Value| answer["data"].as_array().is_some_and(Vec::is_empty);
-        assert!(!answers.iter().all(is_empty), "{path}");
-    }
-    let told = server.get(&format!("/models/{}", of_kind("policy").as_str().unwrap()));
-    assert!(told.to_string().contains("\"stands\":{\"on\":"), "{told}");
-    assert_eq!(server.delete(&format!("/meshes/{}", mesh.as_str().unwrap())), 204);
 }
 
 /// Jobs, models and dataset, until nothing is on the disk.
