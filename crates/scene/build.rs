@@ -1,4 +1,4 @@
-//! The scene file as JSON: people write TOML, and the page has room for one reader, not for two.
+//! Converts the scene file from TOML to JSON, so that the WebAssembly module needs only one parser.
 
 use std::error::Error;
 use std::path::Path;

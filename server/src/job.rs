@@ -1,18 +1,18 @@
-//! A job: what is asked for, how far it is, what came of it.
+//! A job: parameters, state, progress, inputs and outputs.
 
+mod json;
 mod kind;
-mod life;
 mod params;
 mod record;
 mod status;
-mod view;
+mod transitions;
 
+pub(crate) use json::JobView;
 pub(crate) use kind::Kind;
 pub(crate) use params::{
-    Course, DatasetParams, EncoderParams, EvaluationParams, MeshParams, Params, PolicyParams,
-    Subject,
+    DatasetParams, EncoderParams, EvaluationParams, MeshParams, ObjectParams, Params, PolicyParams,
+    TrainingParams,
 };
-pub(crate) use record::{Failure, Inputs, Job, Outputs};
+pub(crate) use record::{Inputs, Job, JobError, Outputs};
 pub use record::{Progress, Worker};
-pub(crate) use status::{Status, Wish};
-pub(crate) use view::JobView;
+pub(crate) use status::{DesiredState, Status};

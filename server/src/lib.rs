@@ -1,20 +1,20 @@
-//! The HTTP side: the built page, the models that it runs, and jobs that make data and models.
+//! HTTP server: the built page, the models that it runs, and jobs that generate datasets and train policies.
 //!
-//! In: a folder with the page, one with models, and, for jobs, one for data. Out: one axum `Router`. Opens no socket,
-//! and does no physics or learning: a job is a process of its own, `ngf`, that reports here. `ngf serve` binds it to an
-//! address.
+//! In: a folder with the page, one with models and, for jobs, a data folder. Out: one axum `Router`. Opens no
+//! socket: `ngf serve` binds it to an address. Runs no simulation and no training: each job is a separate
+//! worker process, `ngf`, that reports to this server.
 
-pub mod engine;
+mod auth;
 mod extract;
-mod guard;
 mod headers;
 mod job;
-mod limits;
 mod metrics;
 mod model;
-mod observe;
 mod problem;
+mod quotas;
+mod request_log;
 mod routes;
+pub mod scheduler;
 mod state;
 mod store;
 
@@ -26,38 +26,38 @@ use tower_http::catch_panic::CatchPanicLayer;
 use tower_http::map_request_body::MapRequestBodyLayer;
 use tower_http::timeout::RequestBodyTimeoutLayer;
 
-pub use limits::Limits;
-pub use problem::{Code, Problem};
+pub use problem::{Problem, ProblemCode};
+pub use quotas::Quotas;
 pub use state::AppState;
 
-/// The description of all requests (OpenAPI 3.1).
+/// OpenAPI 3.1 description of all endpoints.
 pub fn openapi() -> utoipa::openapi::OpenApi {
     routes::router().1
 }
 
-/// Whoever sends a body and then nothing for so long is no longer heard.
-const SILENCE: Duration = Duration::from_secs(30);
+/// The server drops a request whose body makes no progress for this long.
+const BODY_IDLE_TIMEOUT: Duration = Duration::from_secs(30);
 
-/// All routes with their headers. Every error, wherever it arises, is a [`Problem`].
+/// Builds the router with all routes and middleware. Every error response is a [`Problem`].
 pub fn app(state: AppState) -> axum::Router {
-    let guard = axum::middleware::from_fn_with_state(state.clone(), guard::guard);
-    let observe = axum::middleware::from_fn_with_state(state.clone(), observe::observe);
-    let secure = axum::middleware::map_response(headers::secure);
-    let lenient = axum::middleware::map_request(headers::lenient);
-    let caught = CatchPanicLayer::custom(|_| Problem::panicked().into_response());
+    let authorize = axum::middleware::from_fn_with_state(state.clone(), auth::authorize);
+    let log_request = axum::middleware::from_fn_with_state(state.clone(), request_log::log_request);
+    let security_headers = axum::middleware::map_response(headers::security_headers);
+    let relax_request = axum::middleware::map_request(headers::ignore_unsatisfiable_accept);
+    let catch_panic = CatchPanicLayer::custom(|_| Problem::internal().into_response());
     let (router, _) = routes::router();
-    let in_time = ServiceBuilder::new()
-        .layer(RequestBodyTimeoutLayer::new(SILENCE))
+    let body_timeout = ServiceBuilder::new()
+        .layer(RequestBodyTimeoutLayer::new(BODY_IDLE_TIMEOUT))
         .layer(MapRequestBodyLayer::new(Body::new));
     let router = router
-        .layer(headers::compressed())
-        .layer(lenient)
-        .layer(caught)
-        .layer(in_time)
-        .layer(guard);
-    let router = match headers::shared(&state.origins) {
-        Some(shared) => router.layer(shared),
+        .layer(headers::compression())
+        .layer(relax_request)
+        .layer(catch_panic)
+        .layer(body_timeout)
+        .layer(authorize);
+    let router = match headers::cors(&state.origins) {
+        Some(cors) => router.layer(cors),
         None => router,
     };
-    router.layer(observe).layer(secure).with_state(state)
+    router.layer(log_request).layer(security_headers).with_state(state)
 }

@@ -1,4 +1,4 @@
-//! What is counted, for Prometheus. No label has more values than the program has words.
+//! Prometheus metrics. The values of all labels are bounded; none contains client-supplied text.
 
 use crate::job::{Job, Kind, Status};
 use prometheus_client::encoding::{EncodeLabelSet, text};
@@ -10,28 +10,29 @@ use prometheus_client::metrics::info::Info;
 use prometheus_client::registry::{Registry, Unit};
 use std::sync::atomic::AtomicU64;
 
-/// Counters, and who can write them down.
+/// All metrics of the server, and their registry.
 #[derive(Debug)]
 pub(crate) struct Metrics {
     registry: Registry,
-    /// Seconds until the answer began, of each route.
-    pub(crate) requests: Family<RequestLabels, Histogram>,
-    /// Bytes of meshes.
-    pub(crate) uploaded: Counter,
-    /// Streams that are open.
-    pub(crate) streams: Gauge,
-    /// Seconds from the first process to the end.
-    durations: Family<OutcomeLabels, Histogram>,
-    /// Seconds from the question to the first process.
-    waits: Family<KindLabels, Histogram>,
-    /// Steps, attempts and the like that were done.
-    done: Family<UnitLabels, Counter<f64, AtomicU64>>,
-    /// Attempts of evaluations, by how they ended.
-    attempts: Family<AttemptLabels, Counter>,
+    /// Time to the start of the response (s), by route.
+    pub(crate) request_duration: Family<RequestLabels, Histogram>,
+    /// Size of uploaded meshes (bytes); repeated uploads of a mesh count once.
+    pub(crate) uploaded_bytes: Counter,
+    /// Open event streams.
+    pub(crate) open_streams: Gauge,
+    /// Time from the first worker to the end of a job (s).
+    job_durations: Family<OutcomeLabels, Histogram>,
+    /// Time from the request to the first worker of a job (s).
+    queue_waits: Family<KindLabels, Histogram>,
+    /// Completed units of work, such as steps and attempts.
+    progress: Family<UnitLabels, Counter<f64, AtomicU64>>,
+    /// Evaluation attempts, by outcome.
+    grasp_attempts: Family<AttemptLabels, Counter>,
+    /// Jobs, by kind and status.
     jobs: Family<JobLabels, Gauge>,
 }
 
-/// One kind of request and answer.
+/// Labels of the request duration.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, EncodeLabelSet)]
 pub(crate) struct RequestLabels {
     pub(crate) method: &'static str,
@@ -67,96 +68,102 @@ struct UnitLabels {
     unit: String,
 }
 
-/// From half a millisecond to half a minute.
-fn of_a_request() -> Histogram {
+/// Histogram of request durations: 0.5 ms to 33 s.
+fn request_histogram() -> Histogram {
     Histogram::new(exponential_buckets(0.0005, 2.0, 17))
 }
 
-/// From a second to nine days.
-fn of_a_job() -> Histogram {
+/// Histogram of job durations: 1 s to 6 days.
+fn job_histogram() -> Histogram {
     Histogram::new(exponential_buckets(1.0, 3.0, 13))
 }
 
 impl Metrics {
-    /// All at zero.
+    /// Registers all metrics, with value 0.
     pub(crate) fn new() -> Self {
         let mut registry = Registry::with_prefix("ngf");
         let build = Info::new([("version", env!("CARGO_PKG_VERSION"))]);
-        registry.register("build", "Which program this is", build);
+        registry.register("build", "Version of the server", build);
         let metrics = Self {
-            requests: Family::new_with_constructor(of_a_request),
-            uploaded: Counter::default(),
-            streams: Gauge::default(),
-            durations: Family::new_with_constructor(of_a_job),
-            waits: Family::new_with_constructor(of_a_job),
-            done: Family::default(),
-            attempts: Family::default(),
+            request_duration: Family::new_with_constructor(request_histogram),
+            uploaded_bytes: Counter::default(),
+            open_streams: Gauge::default(),
+            job_durations: Family::new_with_constructor(job_histogram),
+            queue_waits: Family::new_with_constructor(job_histogram),
+            progress: Family::default(),
+            grasp_attempts: Family::default(),
             jobs: Family::default(),
             registry: Registry::default(),
         };
         registry.register_with_unit(
             "http_request_duration",
-            "Until the answer began",
+            "Time to the start of the response",
             Unit::Seconds,
-            metrics.requests.clone(),
+            metrics.request_duration.clone(),
         );
-        let uploaded = metrics.uploaded.clone();
-        registry.register_with_unit("upload", "Meshes that were taken", Unit::Bytes, uploaded);
-        registry.register("sse_clients", "Streams that are open", metrics.streams.clone());
+        let uploaded = metrics.uploaded_bytes.clone();
+        registry.register_with_unit("upload", "Size of uploaded meshes", Unit::Bytes, uploaded);
+        registry.register("sse_clients", "Open event streams", metrics.open_streams.clone());
         registry.register_with_unit(
             "job_duration",
-            "From the first process to the end",
+            "Time from the first worker to the end of a job",
             Unit::Seconds,
-            metrics.durations.clone(),
+            metrics.job_durations.clone(),
         );
         registry.register_with_unit(
             "job_queue_wait",
-            "From the question to the first process",
+            "Time from the request to the first worker of a job",
             Unit::Seconds,
-            metrics.waits.clone(),
+            metrics.queue_waits.clone(),
         );
-        registry.register("job_progress", "Steps, attempts and the like", metrics.done.clone());
+        registry.register(
+            "job_progress",
+            "Completed units of work, such as steps and attempts",
+            metrics.progress.clone(),
+        );
         registry.register(
             "grasp_attempts",
-            "Attempts of evaluations, by how they ended",
-            metrics.attempts.clone(),
+            "Evaluation attempts, by outcome",
+            metrics.grasp_attempts.clone(),
         );
         registry.register("jobs", "Jobs by kind and status", metrics.jobs.clone());
         Self { registry, ..metrics }
     }
 
-    /// Notes that a job has a process for the first time.
-    pub(crate) fn begun(&self, job: &Job) {
-        if let Some(wait) = job.started_at.filter(|_| job.attempt == 1) {
+    /// Records the queue wait of a job when its first worker starts.
+    pub(crate) fn job_started(&self, job: &Job) {
+        if let Some(started) = job.started_at.filter(|_| job.attempt == 1) {
             let labels = KindLabels { kind: job.kind.name() };
-            let waited = (wait - job.created_at).as_seconds_f64();
-            self.waits.get_or_create(&labels).observe(waited);
+            let waited = (started - job.created_at).as_seconds_f64();
+            self.queue_waits.get_or_create(&labels).observe(waited);
         }
     }
 
-    /// Notes that a job has ended, if it has.
-    pub(crate) fn ended(&self, job: &Job) {
-        if let (Some(began), Some(ended)) = (job.started_at, job.finished_at) {
+    /// Records the duration of a job if it has finished.
+    pub(crate) fn job_finished(&self, job: &Job) {
+        if let (Some(started), Some(finished)) = (job.started_at, job.finished_at) {
             let labels = OutcomeLabels { kind: job.kind.name(), outcome: job.status.name() };
-            self.durations.get_or_create(&labels).observe((ended - began).as_seconds_f64());
+            self.job_durations
+                .get_or_create(&labels)
+                .observe((finished - started).as_seconds_f64());
         }
     }
 
-    /// Notes that a job came further.
-    pub(crate) fn came_further(&self, kind: Kind, unit: &str, by: f64) {
-        if by > 0.0 {
+    /// Adds completed units of a job.
+    pub(crate) fn add_progress(&self, kind: Kind, unit: &str, amount: f64) {
+        if amount > 0.0 {
             let labels = UnitLabels { kind: kind.name(), unit: unit.to_owned() };
-            self.done.get_or_create(&labels).inc_by(by);
+            self.progress.get_or_create(&labels).inc_by(amount);
         }
     }
 
-    /// Notes how attempts of an evaluation ended.
-    pub(crate) fn attempted(&self, outcome: &str, count: u64) {
-        self.attempts.get_or_create(&AttemptLabels { outcome: outcome.into() }).inc_by(count);
+    /// Counts evaluation attempts with this outcome.
+    pub(crate) fn count_attempts(&self, outcome: &str, count: u64) {
+        self.grasp_attempts.get_or_create(&AttemptLabels { outcome: outcome.into() }).inc_by(count);
     }
 
-    /// Everything as text, with the jobs that there are.
-    pub(crate) fn written(&self, jobs: Vec<(String, String, i64)>) -> String {
+    /// Renders all metrics as OpenMetrics text. `jobs`: kind, status and number of jobs.
+    pub(crate) fn render(&self, jobs: Vec<(String, String, i64)>) -> String {
         self.jobs.clear();
         for kind in Kind::ALL {
             for status in Status::ALL {
@@ -168,20 +175,20 @@ impl Metrics {
             self.jobs.get_or_create(&JobLabels { kind, status }).set(count);
         }
         let mut out = String::new();
-        // Writing to a text does not fail.
+        // Writing to a `String` does not fail.
         text::encode(&mut out, &self.registry).ok();
         out
     }
 }
 
-/// A stream that is open as long as this lives.
+/// Guard that counts an open event stream.
 #[derive(Debug)]
 pub(crate) struct OpenStream(Gauge);
 
 impl OpenStream {
     pub(crate) fn new(metrics: &Metrics) -> Self {
-        metrics.streams.inc();
-        Self(metrics.streams.clone())
+        metrics.open_streams.inc();
+        Self(metrics.open_streams.clone())
     }
 }
 

@@ -1,8 +1,8 @@
-//! The one shape of an error: `application/problem+json` (RFC 9457).
+//! Error responses: `application/problem+json` (RFC 9457).
 
 mod code;
 
-pub use code::Code;
+pub use code::ProblemCode;
 
 use crate::job::Job;
 use crate::store::StoreError;
@@ -12,300 +12,328 @@ use axum::response::{IntoResponse, Response};
 use serde_json::json;
 use std::time::Duration;
 
-/// What went wrong, for a program (`code`) and for a person (`detail`, `hint`).
+/// An error, for programs (`code`) and for users (`detail`, `hint`).
 #[derive(Clone, Debug)]
 pub struct Problem {
     /// The HTTP status.
     pub status: StatusCode,
-    /// Which kind of problem.
-    pub code: Code,
-    /// What happened to this request.
+    /// Stable code of the error.
+    pub code: ProblemCode,
+    /// Cause of the error.
     pub detail: String,
-    /// What to do about it.
+    /// Suggested remedy.
     pub hint: String,
-    /// Which parameter is meant, if one is.
+    /// Invalid parameter, if one caused the error.
     pub param: Option<String>,
 }
 
 impl Problem {
-    /// Nothing lives at this path.
+    /// Unknown path.
     pub(crate) fn not_found(path: &str) -> Self {
         Self {
             status: StatusCode::NOT_FOUND,
-            code: Code::NotFound,
-            detail: format!("there is nothing at {path}"),
+            code: ProblemCode::NotFound,
+            detail: format!("{path} not found"),
             hint: "GET /api/v1/models lists the models; the page is at /".into(),
             param: None,
         }
     }
 
-    /// The path exists, the method does not.
+    /// The path does not support this method.
     pub(crate) fn method_not_allowed(method: &str, path: &str) -> Self {
         Self {
             status: StatusCode::METHOD_NOT_ALLOWED,
-            code: Code::MethodNotAllowed,
-            detail: format!("{path} does not answer {method}"),
-            hint: "the Allow header names the methods that it answers".into(),
+            code: ProblemCode::MethodNotAllowed,
+            detail: format!("{path} does not support {method}"),
+            hint: "the Allow header lists the supported methods".into(),
             param: None,
         }
     }
 
-    /// The server could not read its own files.
-    pub(crate) fn unreadable(error: &std::io::Error) -> Self {
+    /// The server cannot read one of its files.
+    pub(crate) fn file_unreadable(error: &std::io::Error) -> Self {
         Self {
             status: StatusCode::INTERNAL_SERVER_ERROR,
-            code: Code::FileUnreadable,
-            detail: format!("a file could not be read: {error}"),
-            hint: "check that the server may read its page and models folders".into(),
+            code: ProblemCode::FileUnreadable,
+            detail: format!("cannot read a file: {error}"),
+            hint: "check the server's permissions on its web, models and data folders".into(),
             param: None,
         }
     }
 }
 
-/// Problems of jobs.
+/// Errors of the job API.
 impl Problem {
-    fn new(status: StatusCode, code: Code, detail: String, hint: impl Into<String>) -> Self {
+    fn new(status: StatusCode, code: ProblemCode, detail: String, hint: impl Into<String>) -> Self {
         Self { status, code, detail, hint: hint.into(), param: None }
     }
 
-    /// The body is no JSON object.
-    pub(crate) fn malformed(why: &str) -> Self {
-        let detail = format!("the body is no JSON object: {why}");
-        Self::new(StatusCode::BAD_REQUEST, Code::MalformedJson, detail, "send a JSON object")
+    /// The body is not a JSON object.
+    pub(crate) fn malformed_json(reason: &str) -> Self {
+        let detail = format!("the body is not a JSON object: {reason}");
+        Self::new(StatusCode::BAD_REQUEST, ProblemCode::MalformedJson, detail, "send a JSON object")
     }
 
-    /// A change needs the token.
+    /// A write request without the token.
     pub(crate) fn unauthorized() -> Self {
-        let detail = "this needs the server's token".to_owned();
+        let detail = "this request requires the server token".to_owned();
+        let hint = "send `Authorization: Bearer TOKEN` with the token from the file given with --token-file";
+        Self::new(StatusCode::UNAUTHORIZED, ProblemCode::Unauthorized, detail, hint)
+    }
+
+    /// A write request from a page of another origin.
+    pub(crate) fn origin_not_allowed(origin: &str) -> Self {
+        let detail = format!("the origin {origin} is not allowed to send write requests");
         let hint =
-            "send it as `Authorization: Bearer TOKEN`; it is in the file given with --token-file";
-        Self::new(StatusCode::UNAUTHORIZED, Code::Unauthorized, detail, hint)
+            "use the server's own page or a non-browser client, or allow it with --allow-origin";
+        Self::new(StatusCode::FORBIDDEN, ProblemCode::OriginNotAllowed, detail, hint)
     }
 
-    /// A page of somebody else's asks.
-    pub(crate) fn foreign_origin(origin: &str) -> Self {
-        let detail = format!("pages of {origin} may not change anything here");
-        let hint = "ask from the server's own page, or without a browser";
-        Self::new(StatusCode::FORBIDDEN, Code::ForeignOrigin, detail, hint)
+    /// The path or query cannot be parsed.
+    pub(crate) fn invalid_query(reason: &str) -> Self {
+        let hint = "GET /openapi.json describes all requests";
+        Self::new(StatusCode::BAD_REQUEST, ProblemCode::InvalidQuery, reason.to_owned(), hint)
     }
 
-    /// A parameter in the address cannot be read.
-    pub(crate) fn invalid_address(why: &str) -> Self {
-        let hint = "GET /openapi.json describes every request";
-        Self::new(StatusCode::BAD_REQUEST, Code::InvalidAddress, why.to_owned(), hint)
-    }
-
-    /// A parameter is not as it must be.
-    pub(crate) fn invalid(param: &str, detail: impl Into<String>) -> Self {
+    /// Invalid value of a parameter.
+    pub(crate) fn invalid_parameter(param: &str, detail: impl Into<String>) -> Self {
         let detail = format!("{param}: {}", detail.into());
-        let hint = "GET /openapi.json describes every request";
-        let problem =
-            Self::new(StatusCode::UNPROCESSABLE_ENTITY, Code::InvalidParameter, detail, hint);
+        let hint = "GET /openapi.json describes all requests";
+        let problem = Self::new(
+            StatusCode::UNPROCESSABLE_ENTITY,
+            ProblemCode::InvalidParameter,
+            detail,
+            hint,
+        );
         Self { param: Some(param.to_owned()), ..problem }
     }
 
-    /// What a job is to work on is not there.
-    pub(crate) fn missing_input(param: &str, id: &str) -> Self {
-        let hint = "GET /api/v1/datasets and /api/v1/models list what there is";
-        let problem = Self::invalid(&format!("params.{param}"), format!("there is no \"{id}\""));
-        Self { code: Code::InputNotFound, hint: hint.into(), ..problem }
+    /// An input of a job does not exist.
+    pub(crate) fn input_not_found(param: &str, id: &str) -> Self {
+        let hint =
+            "GET /api/v1/datasets, /api/v1/models and /api/v1/meshes list the available inputs";
+        let problem =
+            Self::invalid_parameter(&format!("params.{param}"), format!("\"{id}\" not found"));
+        Self { code: ProblemCode::InputNotFound, hint: hint.into(), ..problem }
     }
 
-    /// An encoder is asked to act.
-    pub(crate) fn encoder_alone(id: &str) -> Self {
-        let detail = format!("\"{id}\" is an encoder, which does not act");
-        let hint = "train a policy with it: kind policy.train, encoder_id";
-        let problem = Self::invalid("params.model_id", detail);
+    /// An encoder was given as the policy to evaluate.
+    pub(crate) fn not_a_policy(id: &str) -> Self {
+        let detail = format!("\"{id}\" is an encoder, not a policy");
+        let hint = "train a policy with this encoder: kind policy.train, parameter encoder_id";
+        let problem = Self::invalid_parameter("params.model_id", detail);
         Self { hint: hint.into(), ..problem }
     }
 
-    /// There is no such job.
-    pub(crate) fn no_job(id: &str) -> Self {
-        let detail = format!("there is no job \"{id}\"");
+    /// Unknown job.
+    pub(crate) fn job_not_found(id: &str) -> Self {
+        let detail = format!("job \"{id}\" not found");
         Self::new(
             StatusCode::NOT_FOUND,
-            Code::JobNotFound,
+            ProblemCode::JobNotFound,
             detail,
             "GET /api/v1/jobs lists the jobs",
         )
     }
 
-    /// A job cannot be asked for that.
-    pub(crate) fn no_verb(verb: &str) -> Self {
-        let detail = format!("a job cannot be asked to \"{verb}\"");
-        let hint = "it can be asked to cancel, pause, resume, retry and clone";
-        Self::new(StatusCode::NOT_FOUND, Code::UnknownAction, detail, hint)
+    /// Unknown action on a job.
+    pub(crate) fn unknown_action(action: &str) -> Self {
+        let detail = format!("unknown action \"{action}\"");
+        let hint = "the actions are cancel, pause, resume, retry and clone";
+        Self::new(StatusCode::NOT_FOUND, ProblemCode::UnknownAction, detail, hint)
     }
 
-    /// A job does not stand where that is possible.
-    pub(crate) fn invalid_state(job: &Job, what: &str) -> Self {
+    /// The status of a job does not permit this action; `action` is a past participle.
+    pub(crate) fn invalid_state(job: &Job, action: &str) -> Self {
         let status = job.status.name();
-        let detail = format!("{} is {status}: it cannot be {what}", job.id);
+        let detail = format!("{} is {status} and cannot be {action}", job.id);
         let hint =
-            "GET the job for its status; what can be done from there is in the documentation";
-        Self::new(StatusCode::CONFLICT, Code::InvalidState, detail, hint)
+            "check the status of the job; the documentation lists the actions for each status";
+        Self::new(StatusCode::CONFLICT, ProblemCode::InvalidState, detail, hint)
     }
 
-    /// A job that has not ended works on it.
+    /// The resource is an input of an unfinished job.
     pub(crate) fn in_use(id: &str, job: &str) -> Self {
-        let detail = format!("{job} works on {id}");
-        let hint = "wait until the job has ended, or cancel it";
-        Self::new(StatusCode::CONFLICT, Code::InUse, detail, hint)
+        let detail = format!("{id} is in use by {job}");
+        let hint = "wait until the job has finished, or cancel it";
+        Self::new(StatusCode::CONFLICT, ProblemCode::InUse, detail, hint)
     }
 
-    /// No job made it, so the server does not delete it.
-    pub(crate) fn not_of_a_job(id: &str) -> Self {
-        let detail = format!("the model \"{id}\" is not one that a job made");
-        let hint = "whoever operates the server removes its folder, or chooses another default";
-        Self::new(StatusCode::CONFLICT, Code::NotOfAJob, detail, hint)
+    /// Built-in models and the default model cannot be deleted.
+    pub(crate) fn model_read_only(id: &str) -> Self {
+        let detail =
+            format!("model \"{id}\" is built in or the default model and cannot be deleted");
+        let hint =
+            "the operator can delete its folder or select another model with --default-model";
+        Self::new(StatusCode::CONFLICT, ProblemCode::ModelReadOnly, detail, hint)
     }
 
-    /// A key was used for another request.
-    pub(crate) fn key_reused() -> Self {
-        let detail = "this Idempotency-Key was used with another body".to_owned();
+    /// The idempotency key was used for a different request.
+    pub(crate) fn idempotency_key_reused() -> Self {
+        let detail = "this Idempotency-Key was used with a different body".to_owned();
         let hint = "use a new key for a new request";
-        Self::new(StatusCode::UNPROCESSABLE_ENTITY, Code::IdempotencyKeyReused, detail, hint)
+        Self::new(StatusCode::UNPROCESSABLE_ENTITY, ProblemCode::IdempotencyKeyReused, detail, hint)
     }
 
-    /// A key was used for a job that was deleted.
-    pub(crate) fn key_of_deleted() -> Self {
-        let detail = "the job of this Idempotency-Key was deleted".to_owned();
+    /// The job created with the idempotency key was deleted.
+    pub(crate) fn idempotency_job_deleted() -> Self {
+        let detail = "the job created with this Idempotency-Key was deleted".to_owned();
         let hint = "use a new key for a new job";
-        Self::new(StatusCode::CONFLICT, Code::IdempotencyKeySpent, detail, hint)
+        Self::new(StatusCode::CONFLICT, ProblemCode::IdempotencyJobDeleted, detail, hint)
     }
 
-    /// Too many jobs wait.
-    pub(crate) fn queue_full(most: usize) -> Self {
-        let detail = format!("{most} jobs wait already");
-        let hint = "try again later, or cancel some";
-        Self::new(StatusCode::SERVICE_UNAVAILABLE, Code::QueueFull, detail, hint)
+    /// The maximum number of jobs is queued.
+    pub(crate) fn queue_full(max: usize) -> Self {
+        let detail = format!("the queue is full ({max} jobs)");
+        let hint = "retry later, or cancel queued jobs";
+        Self::new(StatusCode::SERVICE_UNAVAILABLE, ProblemCode::QueueFull, detail, hint)
     }
 
-    /// An address asks too often.
-    pub(crate) fn too_often(most: u32) -> Self {
-        let detail = format!("more than {most} changes a second were asked for");
-        let hint = "wait as long as the Retry-After header says";
-        Self::new(StatusCode::TOO_MANY_REQUESTS, Code::TooManyRequests, detail, hint)
+    /// A client exceeded the rate limit of write requests.
+    pub(crate) fn rate_limited(max: u32) -> Self {
+        let detail = format!("more than {max} write requests per second");
+        let hint = "wait for the time in the Retry-After header";
+        Self::new(StatusCode::TOO_MANY_REQUESTS, ProblemCode::TooManyRequests, detail, hint)
     }
 
     /// The disk is nearly full.
-    pub(crate) fn disk_full(free: u64, least: u64) -> Self {
-        let detail = format!("{free} bytes are free on the disk, and {least} stay so");
+    pub(crate) fn disk_full(free: u64, min: u64) -> Self {
+        let detail = format!("only {free} bytes free; the server keeps {min} bytes in reserve");
         let hint = "delete datasets, models, meshes, or jobs with ?artifacts=true";
-        Self::new(StatusCode::INSUFFICIENT_STORAGE, Code::DiskFull, detail, hint)
+        Self::new(StatusCode::INSUFFICIENT_STORAGE, ProblemCode::DiskFull, detail, hint)
     }
 
-    /// As many meshes are kept as may be.
-    pub(crate) fn meshes_full(most: u64) -> Self {
-        let detail = format!("meshes of {most} bytes in all are kept");
-        let hint = "delete some: DELETE /api/v1/meshes/{id}";
-        Self::new(StatusCode::INSUFFICIENT_STORAGE, Code::MeshesFull, detail, hint)
+    /// The stored meshes have reached their maximum total size.
+    pub(crate) fn mesh_quota_exceeded(max: u64) -> Self {
+        let detail = format!("the stored meshes exceed the quota of {max} bytes");
+        let hint = "delete meshes with DELETE /api/v1/meshes/{id}";
+        Self::new(StatusCode::INSUFFICIENT_STORAGE, ProblemCode::MeshQuotaExceeded, detail, hint)
     }
 
-    /// A report of a process that is no longer the job's.
-    pub(crate) fn not_its_turn() -> Self {
-        let detail = "this process is not, or no longer, the one that works on the job".to_owned();
-        let hint = "end at once: another one may be at work";
-        Self::new(StatusCode::CONFLICT, Code::NotItsTurn, detail, hint)
+    /// Report of a process that is not the current worker of the job.
+    pub(crate) fn stale_worker() -> Self {
+        let detail = "this worker's lease has expired, or the token is invalid".to_owned();
+        let hint = "exit; another worker may be running the job";
+        Self::new(StatusCode::CONFLICT, ProblemCode::StaleWorker, detail, hint)
     }
 
-    /// The server does no jobs.
-    pub(crate) fn no_jobs() -> Self {
-        let detail = "this server has no folder for jobs".to_owned();
-        let hint = "start it with `ngf serve --data DIR`";
-        Self::new(StatusCode::NOT_FOUND, Code::JobsDisabled, detail, hint)
+    /// The server runs without a data folder.
+    pub(crate) fn jobs_disabled() -> Self {
+        let detail = "jobs are disabled on this server".to_owned();
+        let hint = "start the server with `ngf serve --data-dir DIR`";
+        Self::new(StatusCode::NOT_FOUND, ProblemCode::JobsDisabled, detail, hint)
     }
 
-    /// A stream was asked for as something else.
+    /// A stream was requested in another media type.
     pub(crate) fn not_acceptable() -> Self {
-        let detail = "events are streamed as text/event-stream only".to_owned();
-        let hint = "GET .../events gives them as JSON";
-        Self::new(StatusCode::NOT_ACCEPTABLE, Code::NotAcceptable, detail, hint)
+        let detail = "event streams are available as text/event-stream only".to_owned();
+        let hint = "GET .../events returns the events as JSON";
+        Self::new(StatusCode::NOT_ACCEPTABLE, ProblemCode::NotAcceptable, detail, hint)
     }
 
-    /// A mesh is of no use; the message of the reader ends with the cure, as a sentence of its own.
-    pub(crate) fn unusable_mesh(message: &str) -> Self {
-        let (cause, cure) = message.rsplit_once(". ").unwrap_or((message, "Try another file"));
-        Self::new(StatusCode::UNPROCESSABLE_ENTITY, Code::MeshUnusable, cause.to_owned(), cure)
+    /// Invalid mesh file. The last sentence of the parser's message becomes the hint.
+    pub(crate) fn invalid_mesh(message: &str) -> Self {
+        let (detail, hint) = message.rsplit_once(". ").unwrap_or((message, "Try another file"));
+        Self::new(
+            StatusCode::UNPROCESSABLE_ENTITY,
+            ProblemCode::InvalidMesh,
+            detail.to_owned(),
+            hint,
+        )
     }
 
-    /// A body is too long.
-    pub(crate) fn too_large(most: usize) -> Self {
-        let detail = format!("at most {most} bytes are read");
-        let hint = "GET /api/v1 tells the limits";
-        Self::new(StatusCode::PAYLOAD_TOO_LARGE, Code::BodyTooLarge, detail, hint)
+    /// The body exceeds the size limit.
+    pub(crate) fn body_too_large(max: usize) -> Self {
+        let detail = format!("the body is longer than {max} bytes");
+        let hint = "GET /api/v1 lists the limits";
+        Self::new(StatusCode::PAYLOAD_TOO_LARGE, ProblemCode::BodyTooLarge, detail, hint)
     }
 
-    /// A form cannot be read.
-    pub(crate) fn malformed_form(why: &str) -> Self {
-        let hint = "send the file as the body, or as a file of multipart/form-data";
-        Self::new(StatusCode::BAD_REQUEST, Code::MalformedForm, why.to_owned(), hint)
+    /// The multipart form cannot be parsed.
+    pub(crate) fn malformed_form(reason: &str) -> Self {
+        let hint = "send the file as the body, or as a file field of multipart/form-data";
+        Self::new(StatusCode::BAD_REQUEST, ProblemCode::MalformedForm, reason.to_owned(), hint)
     }
 
-    /// A body ended before its end.
-    pub(crate) fn broken_off(why: &str) -> Self {
-        let detail = format!("the body broke off: {why}");
-        Self::new(StatusCode::BAD_REQUEST, Code::BodyIncomplete, detail, "send it again")
+    /// The connection ended before the end of the body.
+    pub(crate) fn incomplete_body(reason: &str) -> Self {
+        let detail = format!("the body is incomplete: {reason}");
+        Self::new(
+            StatusCode::BAD_REQUEST,
+            ProblemCode::IncompleteBody,
+            detail,
+            "repeat the request",
+        )
     }
 
-    /// A body took too long to arrive.
-    pub(crate) fn too_slow(most: Duration) -> Self {
-        let detail = format!("the body was not there after {} s", most.as_secs());
-        Self::new(StatusCode::REQUEST_TIMEOUT, Code::BodyTooSlow, detail, "send it again")
+    /// The body did not arrive in time.
+    pub(crate) fn request_timeout(max: Duration) -> Self {
+        let detail = format!("the body did not arrive within {} s", max.as_secs());
+        Self::new(
+            StatusCode::REQUEST_TIMEOUT,
+            ProblemCode::RequestTimeout,
+            detail,
+            "repeat the request",
+        )
     }
 
-    /// The server's data cannot be read.
+    /// The database does not respond.
     pub(crate) fn not_ready() -> Self {
-        let detail = "the data of the server cannot be read".to_owned();
-        Self::new(StatusCode::SERVICE_UNAVAILABLE, Code::NotReady, detail, "look at its disk")
+        let detail = "the database of the server does not respond".to_owned();
+        Self::new(
+            StatusCode::SERVICE_UNAVAILABLE,
+            ProblemCode::NotReady,
+            detail,
+            "check the disk of the server",
+        )
     }
 
     /// A handler panicked.
-    pub(crate) fn panicked() -> Self {
-        let detail = "the server made a mistake; it goes on".to_owned();
-        let hint = "please report it, with the server's log";
-        Self::new(StatusCode::INTERNAL_SERVER_ERROR, Code::Internal, detail, hint)
+    pub(crate) fn internal() -> Self {
+        let detail = "internal error; the server continues to run".to_owned();
+        let hint = "please report it with the server log";
+        Self::new(StatusCode::INTERNAL_SERVER_ERROR, ProblemCode::Internal, detail, hint)
     }
 
-    /// A file does not have these bytes.
-    pub(crate) fn out_of_range(name: &str) -> Self {
-        let detail = format!("{name} does not have the bytes that were asked for");
-        let hint = "the Content-Range header gives the length";
-        Self::new(StatusCode::RANGE_NOT_SATISFIABLE, Code::RangeNotSatisfiable, detail, hint)
+    /// The requested range is outside of the file.
+    pub(crate) fn range_not_satisfiable(name: &str) -> Self {
+        let detail = format!("the requested range is outside of {name}");
+        let hint = "the Content-Range header contains the length";
+        Self::new(StatusCode::RANGE_NOT_SATISFIABLE, ProblemCode::RangeNotSatisfiable, detail, hint)
     }
 
-    /// There is no such episode.
-    pub(crate) fn no_episode(why: &str) -> Self {
-        let hint = "the dataset's summary counts its episodes";
-        Self::new(StatusCode::NOT_FOUND, Code::EpisodeNotFound, why.to_owned(), hint)
+    /// Unknown episode of a dataset.
+    pub(crate) fn episode_not_found(reason: &str) -> Self {
+        let hint = "the summary of the dataset contains the number of episodes";
+        Self::new(StatusCode::NOT_FOUND, ProblemCode::EpisodeNotFound, reason.to_owned(), hint)
     }
 
-    /// A dataset cannot be opened, as one that an earlier version made.
-    pub(crate) fn unusable_dataset(why: &str) -> Self {
-        let hint = "make it again: a job with the same parameters";
-        Self::new(StatusCode::CONFLICT, Code::DatasetUnusable, why.to_owned(), hint)
+    /// The dataset cannot be opened, e.g. because an earlier version generated it.
+    pub(crate) fn incompatible_dataset(reason: &str) -> Self {
+        let hint = "generate the dataset again with a job with the same parameters";
+        Self::new(StatusCode::CONFLICT, ProblemCode::IncompatibleDataset, reason.to_owned(), hint)
     }
 
-    /// There is no such record.
-    pub(crate) fn no_record(what: &str, id: &str) -> Self {
-        let detail = format!("there is no {what} \"{id}\"");
-        let hint = format!("GET /api/v1/{what}s lists what there is");
-        Self::new(StatusCode::NOT_FOUND, Code::RecordNotFound, detail, hint)
+    /// Unknown dataset, mesh or artifact; `resource` is its singular name.
+    pub(crate) fn record_not_found(resource: &str, id: &str) -> Self {
+        let detail = format!("{resource} \"{id}\" not found");
+        let hint = "GET /api/v1 contains the URLs of the lists of resources";
+        Self::new(StatusCode::NOT_FOUND, ProblemCode::RecordNotFound, detail, hint)
     }
 }
 
 impl From<StoreError> for Problem {
     fn from(error: StoreError) -> Self {
-        tracing::error!(%error, "the store");
-        let hint = "look at the server's log; what was there is still there";
+        tracing::error!(%error, "store error");
+        let hint = "see the server log; no data was lost";
         let status = StatusCode::INTERNAL_SERVER_ERROR;
-        Self::new(status, Code::StoreFailed, error.to_string(), hint)
+        Self::new(status, ProblemCode::StorageFailed, error.to_string(), hint)
     }
 }
 
 impl IntoResponse for Problem {
     fn into_response(self) -> Response {
-        // "about:blank" says that `title` is the status's own phrase; `code` tells kinds apart.
+        // With "about:blank", `title` is the phrase of the status; `code` identifies the error.
         let mut body = json!({
             "type": "about:blank",
             "title": self.status.canonical_reason().unwrap_or("Error"),
@@ -317,7 +345,7 @@ impl IntoResponse for Problem {
         if let Some(param) = &self.param {
             body["errors"] = json!([{ "param": param, "detail": self.detail }]);
         }
-        if let Some(id) = crate::observe::current() {
+        if let Some(id) = crate::request_log::current_request_id() {
             body["request_id"] = id.into();
         }
         let is_busy = self.status == StatusCode::SERVICE_UNAVAILABLE;

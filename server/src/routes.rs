@@ -1,22 +1,22 @@
-//! Which path leads where.
+//! Routing table and OpenAPI description.
 
-mod answers;
 mod artifacts;
-mod content;
-mod course;
 mod datasets;
 mod events;
+mod http_content;
 mod job_files;
 mod job_request;
 mod jobs;
-mod list;
 mod meshes;
+mod metrics;
 mod models;
-mod operation;
-mod page;
+mod pagination;
+mod schemas;
+mod static_files;
+mod system;
 
-use crate::engine::Engine;
-use crate::extract::MOST_BODY;
+use crate::extract::MAX_BODY;
+use crate::scheduler::JobScheduler;
 use crate::{AppState, Problem};
 use axum::Router;
 use axum::extract::{DefaultBodyLimit, FromRequestParts};
@@ -28,65 +28,65 @@ use utoipa::openapi::OpenApi;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
-/// All routes, and their description.
+/// Router of all endpoints, and their OpenAPI description.
 pub(crate) fn router() -> (Router<AppState>, OpenApi) {
-    let short = OpenApiRouter::new()
+    let api_routes = OpenApiRouter::new()
         .routes(routes!(jobs::list, jobs::create))
         .routes(routes!(jobs::get, jobs::patch, jobs::delete))
         .routes(routes!(jobs::report))
         .routes(routes!(events::list))
         .routes(routes!(events::stream_of))
-        .routes(routes!(course::metrics))
+        .routes(routes!(metrics::metrics))
         .routes(routes!(job_files::logs))
         .routes(routes!(job_files::checkpoints))
         .routes(routes!(job_files::artifacts))
-        .routes(routes!(jobs::act))
+        .routes(routes!(jobs::action))
         .routes(routes!(events::stream_all))
         .routes(routes!(artifacts::get))
         .routes(routes!(datasets::list))
         .routes(routes!(datasets::get, datasets::delete))
         .routes(routes!(datasets::episodes))
         .routes(routes!(datasets::episode))
-        .layer(DefaultBodyLimit::max(MOST_BODY));
-    // An upload has bounds of its own; this one is of a form, with what is about its file.
+        .layer(DefaultBodyLimit::max(MAX_BODY));
+    // The handler limits the file; this limit also covers the overhead of a form.
     let meshes = OpenApiRouter::new()
         .routes(routes!(meshes::list, meshes::upload))
         .routes(routes!(meshes::get, meshes::delete))
         .routes(routes!(meshes::file))
-        .layer(DefaultBodyLimit::max(meshes::MOST_BYTES + meshes::FORM));
+        .layer(DefaultBodyLimit::max(meshes::MAX_MESH_BYTES + meshes::FORM_OVERHEAD));
     let v1 = OpenApiRouter::new()
         .routes(routes!(models::list))
-        .routes(routes!(models::card, models::delete))
+        .routes(routes!(models::get, models::delete))
         .routes(routes!(models::file))
-        .merge(short)
+        .merge(api_routes)
         .merge(meshes);
     let (v1, mut api) = OpenApiRouter::new().nest("/api/v1", v1).split_for_parts();
-    let (operation, described) = OpenApiRouter::new()
-        .routes(routes!(operation::discover))
-        .routes(routes!(operation::health))
-        .routes(routes!(operation::ready))
-        .routes(routes!(operation::version))
-        .routes(routes!(operation::metrics))
-        .routes(routes!(operation::openapi))
+    let (system, system_api) = OpenApiRouter::new()
+        .routes(routes!(system::index))
+        .routes(routes!(system::health))
+        .routes(routes!(system::ready))
+        .routes(routes!(system::version))
+        .routes(routes!(system::metrics))
+        .routes(routes!(system::openapi))
         .split_for_parts();
-    api.merge(described);
+    api.merge(system_api);
     let router = Router::new()
-        .merge(operation)
+        .merge(system)
         .route("/api/{*rest}", any(not_found))
         .merge(v1)
-        .fallback(page::file)
+        .fallback(static_files::file)
         .method_not_allowed_fallback(method_not_allowed);
-    (router, operation::described(api))
+    (router, system::with_common_responses(api))
 }
 
-/// The engine of a server that does jobs.
-pub(crate) struct Jobs(pub(crate) Arc<Engine>);
+/// Extractor of the job scheduler; rejects the request if jobs are disabled.
+pub(crate) struct RequireScheduler(pub(crate) Arc<JobScheduler>);
 
-impl FromRequestParts<AppState> for Jobs {
+impl FromRequestParts<AppState> for RequireScheduler {
     type Rejection = Problem;
 
     async fn from_request_parts(_: &mut Parts, state: &AppState) -> Result<Self, Problem> {
-        state.engine.clone().map(Self).ok_or_else(Problem::no_jobs)
+        state.scheduler.clone().map(Self).ok_or_else(Problem::jobs_disabled)
     }
 }
 

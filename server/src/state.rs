@@ -1,9 +1,9 @@
-//! What every route may read: where the files lie, and their hashes.
+//! State shared by all routes: folders, configuration, and a cache of file hashes.
 
-use crate::engine::Engine;
-use crate::guard::Pace;
-use crate::limits::Limits;
+use crate::auth::WriteRateLimiter;
 use crate::metrics::Metrics;
+use crate::quotas::Quotas;
+use crate::scheduler::JobScheduler;
 use axum::http::HeaderValue;
 use std::collections::HashMap;
 use std::io;
@@ -11,118 +11,140 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::SystemTime;
 
-/// Stands for the model that whoever operates the server chose.
-pub(crate) const DEFAULT: &str = "default";
+/// Alias of the model that the operator selected with `--default-model`.
+pub(crate) const DEFAULT_MODEL_ID: &str = "default";
 
-/// Folders to serve from; cheap to clone.
+/// Configuration and shared state of the server; cheap to clone.
 #[derive(Clone, Debug)]
 pub struct AppState {
-    /// The built page, with `index.html` in it.
-    pub web: Arc<Path>,
-    /// One folder per model.
-    pub models: Arc<Path>,
-    hashes: Arc<Mutex<HashMap<Vec<PathBuf>, Hashed>>>,
-    /// What does jobs, if the server does any.
-    pub(crate) engine: Option<Arc<Engine>>,
-    /// BLAKE3 of the token that changes need, if they need one.
+    /// Folder of the built page; contains `index.html`.
+    pub web_dir: Arc<Path>,
+    /// Folder of the built-in models, one subfolder per model.
+    pub models_dir: Arc<Path>,
+    hashes: Arc<Mutex<HashMap<Vec<PathBuf>, FileHash>>>,
+    /// Job scheduler; `None` if jobs are disabled.
+    pub(crate) scheduler: Option<Arc<JobScheduler>>,
+    /// BLAKE3 of the token required for write requests; `None` if no token is required.
     token: Option<blake3::Hash>,
-    /// Origins of pages, beside our own, that may ask for changes.
+    /// Foreign origins whose pages may send write requests.
     pub(crate) origins: Arc<[HeaderValue]>,
-    /// Id of the model that `default` stands for.
+    /// Id of the model that the alias `default` resolves to.
     default_model: Arc<str>,
-    /// How much may be asked.
-    pub(crate) limits: Limits,
-    /// How often each address asked.
-    pub(crate) pace: Arc<Pace>,
-    /// What is counted.
+    /// Limits on jobs, uploads and disk space.
+    pub(crate) quotas: Quotas,
+    /// Rate limiter of write requests, per client address.
+    pub(crate) write_rate: Arc<WriteRateLimiter>,
+    /// Prometheus metrics.
     pub(crate) metrics: Arc<Metrics>,
-    /// Whether the server is about to end.
-    stopping: tokio::sync::watch::Receiver<bool>,
+    /// Becomes true when the server shuts down.
+    shutdown: tokio::sync::watch::Receiver<bool>,
 }
 
-/// The hash of files, good for as long as their lengths and times of change stay.
+/// Cached hash of files, valid while their lengths and modification times do not change.
 #[derive(Clone, Debug)]
-pub(crate) struct Hashed {
+pub(crate) struct FileHash {
+    /// Total length of the files (bytes).
     pub(crate) bytes: u64,
-    marks: Vec<(u64, SystemTime)>,
+    /// Length (bytes) and modification time of each file.
+    stamps: Vec<(u64, SystemTime)>,
+    /// Hash of the content.
     pub(crate) blake3: blake3::Hash,
 }
 
 impl AppState {
-    /// Serves the page from `web` and models from `models`; neither has to exist yet.
+    /// State without jobs that serves the page from `web` and models from `models`. The folders may be
+    /// created later.
     pub fn new(web: &Path, models: &Path) -> Self {
         Self {
-            web: web.into(),
-            models: models.into(),
+            web_dir: web.into(),
+            models_dir: models.into(),
             hashes: Arc::default(),
-            engine: None,
+            scheduler: None,
             token: None,
             origins: Arc::from([]),
-            default_model: Arc::from(DEFAULT),
-            limits: Limits::default(),
-            pace: Arc::new(Pace::new(&Limits::default())),
+            default_model: Arc::from(DEFAULT_MODEL_ID),
+            quotas: Quotas::default(),
+            write_rate: Arc::new(WriteRateLimiter::new(&Quotas::default())),
             metrics: Arc::new(Metrics::new()),
-            stopping: tokio::sync::watch::channel(false).1,
+            shutdown: tokio::sync::watch::channel(false).1,
         }
     }
 
-    /// Does jobs, too; streams end when `stopping` becomes true.
-    pub fn with_engine(
+    /// Enables jobs. Event streams end when `stopping` becomes true.
+    pub fn with_scheduler(
         self,
-        engine: Arc<Engine>,
+        engine: Arc<JobScheduler>,
         stopping: tokio::sync::watch::Receiver<bool>,
     ) -> Self {
         let metrics = engine.metrics.clone();
-        Self { engine: Some(engine), stopping, metrics, ..self }
+        Self { scheduler: Some(engine), shutdown: stopping, metrics, ..self }
     }
 
-    /// Pages of these origins (`https://example.org`) may use the API, too.
+    /// Allows pages of these origins (`https://example.org`) to use the API.
     pub fn with_origins(self, origins: impl IntoIterator<Item = HeaderValue>) -> Self {
         Self { origins: origins.into_iter().collect(), ..self }
     }
 
-    /// `default` stands for this model: one that was there before, or one of a job.
+    /// Selects the model that the alias `default` resolves to: a built-in model or a model trained by a job.
     pub fn with_default_model(self, id: &str) -> Self {
         Self { default_model: id.into(), ..self }
     }
 
-    /// Which model an id stands for.
-    pub(crate) fn model_of<'a>(&'a self, id: &'a str) -> &'a str {
-        if id == DEFAULT { &self.default_model } else { id }
+    /// Resolves the alias `default`; returns other ids unchanged.
+    pub(crate) fn resolve_model_id<'a>(&'a self, id: &'a str) -> &'a str {
+        if id == DEFAULT_MODEL_ID { &self.default_model } else { id }
     }
 
-    /// With other limits than the standard ones.
-    pub fn with_limits(self, limits: Limits) -> Self {
-        Self { limits, pace: Arc::new(Pace::new(&limits)), ..self }
+    /// Replaces the default quotas.
+    pub fn with_quotas(self, limits: Quotas) -> Self {
+        Self { quotas: limits, write_rate: Arc::new(WriteRateLimiter::new(&limits)), ..self }
     }
 
-    /// Changes need this token, too.
+    /// Requires this token for write requests.
     pub fn with_token(self, token: &str) -> Self {
         Self { token: Some(blake3::hash(token.as_bytes())), ..self }
     }
 
-    /// Whether changes need a token.
+    /// Whether write requests require a token.
     pub(crate) fn has_token(&self) -> bool {
         self.token.is_some()
     }
 
-    /// Whether a change may be asked for with this token. Hashes are compared in constant time.
-    pub(crate) fn admits(&self, token: &str) -> bool {
+    /// Whether this token authorizes write requests. Hashes are compared in constant time.
+    pub(crate) fn token_matches(&self, token: &str) -> bool {
         self.token.is_none_or(|known| known == blake3::hash(token.as_bytes()))
     }
 
-    /// Becomes true when the server is about to end.
-    pub(crate) fn stopping(&self) -> tokio::sync::watch::Receiver<bool> {
-        self.stopping.clone()
+    /// Receiver of a value that becomes true when the server shuts down.
+    pub(crate) fn shutdown_signal(&self) -> tokio::sync::watch::Receiver<bool> {
+        self.shutdown.clone()
     }
 
-    /// Length and BLAKE3 of files one after another, computed once until one of them changes; `None` if one is not there.
-    pub(crate) async fn hashed(&self, paths: Vec<PathBuf>) -> io::Result<Option<Hashed>> {
-        let mut marks = Vec::new();
+    /// Length and BLAKE3 of a file; `None` if it does not exist.
+    pub(crate) async fn file_hash(&self, path: PathBuf) -> io::Result<Option<FileHash>> {
+        let hash_content = |paths: &[PathBuf]| {
+            let mut hasher = blake3::Hasher::new();
+            // Read in chunks: model files are large.
+            for path in paths {
+                hasher.update_reader(std::fs::File::open(path)?)?;
+            }
+            Ok(hasher.finalize())
+        };
+        self.cached_hash(vec![path], hash_content).await
+    }
+
+    /// Total length of the files, and the hash that `hash` computes on a blocking thread; `None` if a file
+    /// does not exist. The result is cached until a file changes.
+    pub(crate) async fn cached_hash(
+        &self,
+        paths: Vec<PathBuf>,
+        hash: impl FnOnce(&[PathBuf]) -> io::Result<blake3::Hash> + Send + 'static,
+    ) -> io::Result<Option<FileHash>> {
+        let mut stamps = Vec::new();
         for path in &paths {
             match tokio::fs::metadata(path).await {
                 Ok(metadata) if metadata.is_file() => {
-                    marks.push((metadata.len(), metadata.modified()?));
+                    stamps.push((metadata.len(), metadata.modified()?));
                 }
                 Ok(_) => return Ok(None),
                 Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
@@ -130,26 +152,19 @@ impl AppState {
             }
         }
         let known = self.hashes().get(&paths).cloned();
-        if let Some(known) = known.filter(|known| known.marks == marks) {
+        if let Some(known) = known.filter(|known| known.stamps == stamps) {
             return Ok(Some(known));
         }
-        // Piece by piece, on a thread of its own: models are long.
         let files = paths.clone();
-        let hash = tokio::task::spawn_blocking(move || {
-            let mut hasher = blake3::Hasher::new();
-            for file in files {
-                hasher.update_reader(std::fs::File::open(file)?)?;
-            }
-            io::Result::Ok(hasher.finalize())
-        });
-        let bytes = marks.iter().map(|(bytes, _)| bytes).sum();
-        let hashed = Hashed { bytes, marks, blake3: hash.await?? };
+        let hash = tokio::task::spawn_blocking(move || hash(&files));
+        let bytes = stamps.iter().map(|(bytes, _)| bytes).sum();
+        let hashed = FileHash { bytes, stamps, blake3: hash.await?? };
         self.hashes().insert(paths, hashed.clone());
         Ok(Some(hashed))
     }
 
-    /// A panic elsewhere cannot leave the map half written, so a poisoned lock is still good.
-    fn hashes(&self) -> std::sync::MutexGuard<'_, HashMap<Vec<PathBuf>, Hashed>> {
+    /// Locks the cache. A panic cannot leave the map half written, so a poisoned lock is used as is.
+    fn hashes(&self) -> std::sync::MutexGuard<'_, HashMap<Vec<PathBuf>, FileHash>> {
         self.hashes.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

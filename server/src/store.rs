@@ -1,7 +1,8 @@
-//! What the server remembers: jobs, events, records of what came of them. One SQLite file.
+//! Persistent state of the server: jobs, events and records in one SQLite file, and artifacts.
 //!
-//! There is one writer. Every change is one short immediate transaction, and what it says happened stands in the log
-//! before anyone is told: whoever reads the log from where they stopped misses nothing and gets nothing twice.
+//! There is one writer. Every change is one short immediate transaction. Its events are committed to the log
+//! before subscribers are notified. A reader that resumes from its last event id sees every event exactly
+//! once.
 
 mod artifacts;
 mod events;
@@ -9,8 +10,8 @@ mod jobs;
 mod records;
 
 pub(crate) use artifacts::Artifact;
-pub(crate) use events::{Event, Level, News, Type};
-pub(crate) use jobs::{Created, Filter};
+pub(crate) use events::{Event, EventType, Level, NewEvent};
+pub(crate) use jobs::{CreateOutcome, Filter};
 pub(crate) use records::RecordKind;
 
 use sqlx::sqlite::{
@@ -20,43 +21,46 @@ use std::path::Path;
 use std::time::Duration;
 use tokio::sync::watch;
 
-/// What can go wrong with the store.
+/// Error of the store.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum StoreError {
-    /// SQLite says so.
-    #[error("the database: {0}")]
+    /// Error of SQLite.
+    #[error("database error: {0}")]
     Database(#[from] sqlx::Error),
-    /// Something in it is not what was written.
-    #[error("a record in the database is damaged: {0}")]
-    Damaged(#[from] serde_json::Error),
-    /// A file could not be read or written.
-    #[error("a file: {0}")]
+    /// A record is not the expected JSON.
+    #[error("corrupt record in the database: {0}")]
+    Corrupt(#[from] serde_json::Error),
+    /// A file cannot be read or written.
+    #[error("file error: {0}")]
     File(#[from] std::io::Error),
-    /// The store of artifacts says so.
-    #[error("the artifacts: {0}")]
+    /// Error of the artifact store.
+    #[error("artifact store error: {0}")]
     Artifacts(#[from] object_store::Error),
 }
 
-/// The database and the artifacts.
+/// Database and artifact store.
 #[derive(Clone, Debug)]
 pub(crate) struct Store {
-    /// One connection, so that writers wait for each other here and not in SQLite.
+    /// One connection: writers queue here instead of competing for the lock of SQLite.
     writer: SqlitePool,
+    /// Read-only connections.
     readers: SqlitePool,
+    /// Files by hash.
     artifacts: std::sync::Arc<dyn object_store::ObjectStore>,
-    /// Held while files are kept or forgotten: what is found to be there stays until it is written down whose it is.
-    keeping: std::sync::Arc<tokio::sync::Mutex<()>>,
-    /// Number of the last event.
-    last: watch::Sender<i64>,
+    /// Held while artifacts are stored or deleted, so that an existing file cannot be deleted before its new
+    /// owner is recorded.
+    artifact_lock: std::sync::Arc<tokio::sync::Mutex<()>>,
+    /// Sequence number of the last event.
+    last_event: watch::Sender<i64>,
 }
 
 impl Store {
-    /// Opens the store in a folder, and makes it if there is none.
+    /// Opens the store in a folder; creates it if necessary.
     pub(crate) async fn open(dir: &Path) -> Result<Self, StoreError> {
         let artifacts = dir.join("artifacts");
         std::fs::create_dir_all(&artifacts)?;
         let artifacts = object_store::local::LocalFileSystem::new_with_prefix(artifacts)?;
-        // What the database knows of is on the disk.
+        // Files reach the disk before the database refers to them.
         let artifacts = artifacts.with_fsync(true);
         let options = SqliteConnectOptions::new()
             .filename(dir.join("ngf.sqlite"))
@@ -77,18 +81,20 @@ impl Store {
             writer,
             readers,
             artifacts: std::sync::Arc::new(artifacts),
-            keeping: std::sync::Arc::default(),
-            last,
+            artifact_lock: std::sync::Arc::default(),
+            last_event: last,
         })
     }
 
-    /// Whether it answers.
+    /// Whether the database responds.
     pub(crate) async fn is_ready(&self) -> bool {
         sqlx::query("SELECT 1").execute(&self.readers).await.is_ok()
     }
 
-    /// Begins a change.
-    async fn begin(&self) -> Result<sqlx::Transaction<'static, sqlx::Sqlite>, StoreError> {
+    /// Begins a write transaction.
+    async fn begin_transaction(
+        &self,
+    ) -> Result<sqlx::Transaction<'static, sqlx::Sqlite>, StoreError> {
         Ok(self.writer.begin_with("BEGIN IMMEDIATE").await?)
     }
 }

@@ -1,4 +1,4 @@
-// An attempt from beginning to verdict.
+// Attempts: outcome, reproducibility, playback controls, restart of the worker.
 
 import assert from "node:assert/strict";
 import { execFileSync } from "node:child_process";
@@ -7,34 +7,34 @@ import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
 import { fileURLToPath } from "node:url";
-import { blank, grasp, open, PATIENCE, program, screenshot, untilReady, visit } from "./chromium.js";
+import { newPage, grasp, open, TIMEOUT_MS, program, screenshot, untilReady, visit } from "./chromium.js";
 
 let served;
 before(async () => (served = await open()));
 after(() => served?.close());
 
-test("the sugar box gets a verdict, and the same seed the same end", async () => {
+test("attempt with the sugar box has an outcome and is reproducible from its seed", async () => {
   const { page } = await visit(served);
   await untilReady(page);
-  assert.match(await page.textContent("#model"), /Policy "default" acts/);
+  assert.match(await page.textContent("#model"), /^Loaded: default$/);
   await page.selectOption("#speed", "4");
   const first = await grasp(page, 0);
-  await screenshot(page, "verdict");
+  await screenshot(page, "outcome");
   assert.match(first.hash, /^[0-9a-f]{64}$/);
   assert.match(first.tally, /^[01] of 1 lifted$/);
-  assert.ok((await page.textContent("#announcement")).startsWith(first.words), "it is announced");
-  const again = await grasp(page, 0);
-  assert.deepEqual(again, first, "a repeat ends the same, and is counted once");
+  assert.ok((await page.textContent("#announcement")).startsWith(first.headline), "the outcome is announced");
+  const repeated = await grasp(page, 0);
+  assert.deepEqual(repeated, first, "a repeat has the same result and counts once");
   const other = await grasp(page, 1);
   assert.notEqual(other.hash, first.hash);
   assert.match(other.tally, /^[012] of 2 lifted$/);
   await page.click("label:has([value=bleach])");
-  await page.waitForFunction(() => document.getElementById("tally").textContent.startsWith("None yet"));
-  assert.ok(await page.isHidden("#hash"), "another object has no hash yet");
+  await page.waitForFunction(() => document.getElementById("tally").textContent.startsWith("No attempts"));
+  assert.ok(await page.isHidden("#hash"), "no hash for a new object");
   await page.close();
 });
 
-test("seeds 0 to 4 end in the browser as they do natively", async () => {
+test("seeds 0 to 4 have the same final state in the browser and natively", async () => {
   const folder = mkdtempSync(join(tmpdir(), "ngf-"));
   const report = join(folder, "report.json");
   const options = ["--object", "sugar_box", "--attempts", "5", "--seed", "0", "--json", report];
@@ -45,17 +45,17 @@ test("seeds 0 to 4 end in the browser as they do natively", async () => {
   const { page } = await visit(served);
   await untilReady(page);
   await page.selectOption("#speed", "4");
-  for (const { seed, verdict, state_hash } of rows) {
+  for (const { seed, outcome, final_state_hash } of rows) {
     const got = await grasp(page, seed);
-    assert.equal(got.hash, state_hash, `the final state of seed ${seed}`);
-    assert.equal(got.words === "Lifted and held.", verdict.outcome === "lifted");
+    assert.equal(got.hash, final_state_hash, `final state of seed ${seed}`);
+    assert.equal(got.headline === "Lifted and held.", outcome.result === "lifted");
   }
   await page.close();
 });
 
-test("an attempt begins by itself, pauses, steps and is reset", async () => {
-  const { page } = await visit(served, { isCalm: false });
-  // On a slow machine the approach is over before the first picture is there.
+test("first attempt starts automatically and can be paused, stepped and reset", async () => {
+  const { page } = await visit(served, { reducesMotion: false });
+  // On a slow machine the approach ends before the first frame is rendered.
   await page.waitForSelector("#phases .is-now");
   await page.click("#pause");
   await page.waitForFunction(() => document.getElementById("rate").textContent === "Paused");
@@ -66,83 +66,83 @@ test("an attempt begins by itself, pauses, steps and is reset", async () => {
   await page.close();
 });
 
-test("a recording that comes late does not take over from whoever has begun", async () => {
-  const { page } = await blank(served, { isCalm: false });
-  // It has been answered, but is not there yet.
+test("late recording does not replace a pose set by the user", async () => {
+  const { page } = await newPage(served, { reducesMotion: false });
+  // Delays the body of the recording.
   await page.addInitScript(() => {
     const { blob } = Response.prototype;
     Response.prototype.blob = async function () {
-      const whole = await blob.call(this);
-      await new Promise((resolve) => (globalThis.come = resolve));
-      return whole;
+      const body = await blob.call(this);
+      await new Promise((resolve) => (globalThis.deliver = resolve));
+      return body;
     };
   });
   await page.goto(served.address);
   await untilReady(page);
-  await page.waitForFunction(() => globalThis.come);
+  await page.waitForFunction(() => globalThis.deliver);
   const before = await page.inputValue("#pose-x");
   await page.click("#new-pose");
   await page.waitForFunction((x) => document.getElementById("pose-x").value !== x, before);
-  const stands = await page.inputValue("#pose-x");
-  await page.evaluate(() => globalThis.come());
+  const pose = await page.inputValue("#pose-x");
+  await page.evaluate(() => globalThis.deliver());
   await page.waitForTimeout(300);
-  assert.equal(await page.inputValue("#pose-x"), stands);
+  assert.equal(await page.inputValue("#pose-x"), pose);
   assert.equal(await page.locator("#phases .is-now").count(), 0);
   await page.close();
 });
 
-test("the next attempt leaves the focus where it is", async () => {
+test("next attempt keeps the focus", async () => {
   const { page } = await visit(served);
   await untilReady(page);
   await page.selectOption("#speed", "4");
-  const isOver = () => page.waitForSelector("[data-phase=verdict].is-now", { timeout: PATIENCE });
+  const untilOutcome = () => page.waitForSelector("[data-phase=outcome].is-now", { timeout: TIMEOUT_MS });
   await page.click("#grasp");
-  await isOver();
+  await untilOutcome();
   await page.focus("#timeline");
   await page.keyboard.press("g");
   await page.waitForSelector("[data-phase=approach].is-now");
-  await isOver();
+  await untilOutcome();
   await page.keyboard.press("ArrowLeft");
   await page.waitForFunction(() => document.getElementById("rate").textContent === "Paused");
   assert.ok(Number(await page.inputValue("#timeline")) > 0);
   await page.close();
 });
 
-test("a recording goes on to its verdict though the policy comes meanwhile, and then the policy shows itself", async () => {
-  const { page } = await blank(served, { isCalm: false });
+test("recording plays to its outcome while the policy loads, then the policy runs", async () => {
+  const { page } = await newPage(served, { reducesMotion: false });
   await page.route("**/weights**", async (route) => {
     await page.waitForFunction(() => document.getElementById("hash").textContent.startsWith("Demonstration:"));
     await route.continue();
   });
   await page.goto(served.address);
-  await page.waitForFunction(() => document.getElementById("model").textContent.startsWith("Policy"));
+  await page.waitForFunction(() => document.getElementById("model").textContent.startsWith("Loaded"));
   await page.selectOption("#speed", "4");
-  assert.equal(await page.textContent("#announcement"), 'Policy "default" acts.');
-  // What is announced stays until the next verdict.
+  assert.equal(await page.textContent("#announcement"), "Loaded: default");
+  // The announcement stays until the next outcome.
   await page.waitForFunction(() => document.getElementById("announcement").textContent.endsWith("lifted."));
-  assert.match(await page.textContent("#announcement"), / 0 of 0 lifted\.$/, "a recording does not count");
-  await page.waitForFunction(() => document.getElementById("hash").textContent.startsWith("Seed 0 ended"));
+  assert.match(await page.textContent("#announcement"), / 0 of 0 lifted\.$/, "a recording is not counted");
+  await page.waitForFunction(() => document.getElementById("hash").textContent.startsWith("Seed 0. Final state:"));
   assert.match(await page.textContent("#tally"), /^[01] of 1 lifted$/);
   await page.close();
 });
 
-test("a simulation that stops says so, can be restarted, and keeps the object", async () => {
+test("stopped worker is reported and restarts with the same object", async () => {
   const { page } = await visit(served);
   await untilReady(page);
   await page.click("label:has([value=mustard])");
-  await page.waitForFunction(() => document.getElementById("report-mass").textContent === "603 g");
+  await page.waitForFunction(() => document.getElementById("info-mass").textContent === "603 g");
   await page.workers()[0].evaluate(() => {
     setTimeout(() => {
       throw new Error("stopped by a test");
     });
   });
-  const card = await page.waitForSelector('[data-code="engine_stopped"]');
-  assert.ok(await page.isDisabled("#grasp"), "nothing can be tried meanwhile");
+  const card = await page.waitForSelector('[data-code="worker_stopped"]');
+  assert.ok(await page.isDisabled("#grasp"), "attempts are disabled meanwhile");
   assert.match(await card.textContent(), /stopped by a test/);
-  await page.click(".failure .again");
-  await page.waitForSelector('[data-code="engine_stopped"]', { state: "detached" });
+  await page.click(".failure .retry");
+  await page.waitForSelector('[data-code="worker_stopped"]', { state: "detached" });
   await untilReady(page);
-  assert.equal(await page.textContent("#report-mass"), "603 g");
+  assert.equal(await page.textContent("#info-mass"), "603 g");
   assert.ok(await page.isChecked("[value=mustard]"));
   const before = await page.inputValue("#pose-x");
   await page.click("#new-pose");

@@ -1,4 +1,4 @@
-// The served release build in headless Chromium, for the tests beside this file.
+// Test fixture: `ngf serve` with the built page, and headless Chromium.
 
 import { spawn } from "node:child_process";
 import { mkdirSync, readFileSync } from "node:fs";
@@ -12,31 +12,30 @@ const browserProgram = process.env.CHROMIUM ?? "/usr/bin/chromium";
 const axe = readFileSync(new URL("node_modules/axe-core/axe.min.js", import.meta.url), "utf8");
 const screenshots = process.env.SCREENSHOTS ?? `${root}target/screenshots`;
 
-// Software graphics draw a few frames a second; what waits for a picture may take its time.
-export const PATIENCE = 120_000;
+// Timeout (ms); software rendering draws only a few frames per second.
+export const TIMEOUT_MS = 120_000;
 
 export const WIDE = { width: 1440, height: 900 };
 export const PHONE = { width: 390, height: 844 };
 
-// Begins a server on a port, 0 being a free one; with a folder for data it does jobs, with a file of a token for those
-// who have it.
+// Starts a server. Port 0 selects a free one; `data` enables jobs; `tokenFile` requires its token for write requests.
 export async function serve({ port = 0, data = null, tokenFile = null } = {}) {
-  const args = ["serve", "--port", String(port), "--web", `${root}web/dist`, "--models", `${root}models`];
-  // A test may ask as fast as it can.
-  if (data) args.push("--data", data, "--rate", "10000");
+  const args = ["serve", "--port", String(port), "--web-dir", `${root}web/dist`, "--models-dir", `${root}models`];
+  // Tests need no rate limit.
+  if (data) args.push("--data-dir", data, "--max-writes-per-second", "10000");
   if (tokenFile) args.push("--token-file", tokenFile);
   const server = spawn(program, args, { env: { ...process.env, NGF_LOG: "warn" }, stdio: ["ignore", "pipe", "inherit"] });
   const address = await new Promise((resolve, reject) => {
     server.once("error", reject);
-    server.once("exit", () => reject(new Error(`${program} stopped before it served`)));
+    server.once("exit", () => reject(new Error(`${program} exited before it printed its address`)));
     createInterface(server.stdout).once("line", resolve);
   });
   server.removeAllListeners("exit");
   return { address, server };
 }
 
-// Begins a browser, with further arguments if need be.
-export function launch(more = []) {
+// Launches a browser with additional arguments.
+export function launch(extraArgs = []) {
   return chromium.launch({
     executablePath: browserProgram,
     args: [
@@ -46,15 +45,15 @@ export function launch(more = []) {
       "--disable-component-update",
       "--disable-sync",
       "--no-first-run",
-      ...more,
+      ...extraArgs,
     ],
   });
 }
 
-// Begins a server and a browser; `close` ends both.
+// Starts a server and a browser; `close` stops both.
 export async function open({ data = null, args = [] } = {}) {
   const { address, server } = await serve({ data });
-  // A server that nobody ends keeps the tests from ending.
+  // A running server would keep the test process alive.
   const browser = await launch(args).catch((error) => {
     server.kill();
     throw error;
@@ -66,29 +65,29 @@ export async function open({ data = null, args = [] } = {}) {
   return { address, browser, server, close };
 }
 
-// An empty page that tells all that goes wrong on it.
-export async function blank({ address, browser }, { viewport = WIDE, colorScheme = "light", isCalm = true } = {}) {
+// Creates an empty page and collects its errors, failed requests, and requests to other hosts.
+export async function newPage({ address, browser }, { viewport = WIDE, colorScheme = "light", reducesMotion = true } = {}) {
   const page = await browser.newPage({
     viewport,
     colorScheme,
-    reducedMotion: isCalm ? "reduce" : "no-preference",
+    reducedMotion: reducesMotion ? "reduce" : "no-preference",
   });
-  page.setDefaultTimeout(PATIENCE);
-  const complaints = [];
+  page.setDefaultTimeout(TIMEOUT_MS);
+  const errors = [];
   page.on("console", (message) => {
-    if (message.type() === "error") complaints.push(message.text());
+    if (message.type() === "error") errors.push(message.text());
   });
-  page.on("pageerror", (error) => complaints.push(error.message));
-  page.on("requestfailed", (request) => complaints.push(`${request.url()} failed: ${request.failure()?.errorText}`));
+  page.on("pageerror", (error) => errors.push(error.message));
+  page.on("requestfailed", (request) => errors.push(`${request.url()} failed: ${request.failure()?.errorText}`));
   page.on("request", (request) => {
-    const isOurs = request.url().startsWith(address) || request.url().startsWith("blob:");
-    if (!isOurs) complaints.push(`${request.url()} is another host's`);
+    const isLocal = request.url().startsWith(address) || request.url().startsWith("blob:");
+    if (!isLocal) errors.push(`${request.url()} is on another host`);
   });
-  return { page, complaints };
+  return { page, errors };
 }
 
-// What axe finds to be serious for those who do not see, hear or move as most do.
-export async function barriers(page) {
+// Serious and critical accessibility violations (axe-core).
+export async function a11yViolations(page) {
   await page.evaluate(axe);
   const { violations } = await page.evaluate(() => globalThis.axe.run());
   return violations
@@ -96,57 +95,57 @@ export async function barriers(page) {
     .map(({ id, nodes }) => `${id}: ${nodes.map(({ html }) => html.slice(0, 120)).join(" | ")}`);
 }
 
-// The demo with its first picture, and a list of all that went wrong on it so far.
+// Opens the demo and waits for the first frame.
 export async function visit(served, options = {}) {
-  const { page, complaints } = await blank(served, options);
+  const { page, errors } = await newPage(served, options);
   await page.goto(served.address + (options.path ?? ""));
   await page.waitForFunction(() => Number(document.getElementById("view").dataset.drawn) > 0);
-  return { page, complaints };
+  return { page, errors };
 }
 
 export async function screenshot(page, name) {
   mkdirSync(screenshots, { recursive: true });
-  // What has come to rest is drawn once more, finely.
+  // A resting scene is rendered once more at full resolution.
   await page.waitForTimeout(600);
   await page.screenshot({ path: `${screenshots}/${name}.png` });
 }
 
-// Waits until an attempt can begin.
+// Waits until an attempt can be started.
 export async function untilReady(page) {
   await page.waitForSelector("#grasp:enabled");
 }
 
-// The simulation stops and is restarted.
+// Stops the worker and restarts it from the error card.
 export async function restart(page) {
   await page.workers()[0].evaluate(() => {
     setTimeout(() => {
       throw new Error("stopped by a test");
     });
   });
-  await page.click('[data-code="engine_stopped"] .again');
-  await page.waitForSelector('[data-code="engine_stopped"]', { state: "detached" });
+  await page.click('[data-code="worker_stopped"] .retry');
+  await page.waitForSelector('[data-code="worker_stopped"]', { state: "detached" });
   await untilReady(page);
 }
 
-// The attempt of a seed, as fast as it goes: what it came to, the hash of its final state, and the count.
+// Runs the attempt of a seed at maximum speed; returns outcome text, final state hash and tally.
 export async function grasp(page, seed) {
   await page.fill("#seed", String(seed));
   await page.press("#seed", "Enter");
   await page.selectOption("#speed", "4");
-  // What an earlier attempt came to is no answer.
+  // Clears the result of an earlier attempt.
   await page.evaluate(() => (document.getElementById("hash").title = ""));
   await page.click("#grasp");
   await page.waitForFunction(() => document.getElementById("hash").title !== "");
-  const said = await page.textContent("#hash");
-  if (!said.startsWith(`Seed ${seed} ended`)) throw new Error(`the pose is not the seed's: ${said}`);
+  const text = await page.textContent("#hash");
+  if (!text.startsWith(`Seed ${seed}. Final state:`)) throw new Error(`unexpected attempt: ${text}`);
   return {
-    words: await page.textContent("#headline"),
+    headline: await page.textContent("#headline"),
     hash: await page.getAttribute("#hash", "title"),
     tally: await page.textContent("#tally"),
   };
 }
 
-// Runs in the page: a point where the pointer could grab the object.
+// Runs in the page: a point where the pointer can grab the object.
 export function findObject() {
   const canvas = document.getElementById("view");
   const { width, height } = canvas.getBoundingClientRect();
@@ -156,5 +155,5 @@ export function findObject() {
       if (canvas.style.cursor === "grab") return [x, y + 16];
     }
   }
-  throw new Error("the object cannot be grabbed anywhere");
+  throw new Error("the object cannot be grabbed");
 }

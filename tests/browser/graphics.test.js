@@ -1,27 +1,27 @@
-// Graphics that are taken away, and none at all.
+// Lost graphics context, 2D fallback, and no graphics.
 
 import assert from "node:assert/strict";
 import { after, before, test } from "node:test";
-import { blank, findObject, grasp, open, screenshot, untilReady, visit } from "./chromium.js";
+import { newPage, findObject, grasp, open, screenshot, untilReady, visit } from "./chromium.js";
 
 let served;
 before(async () => (served = await open()));
 after(() => served?.close());
 
-test("graphics that are taken away come back", async () => {
+test("lost graphics context is restored", async () => {
   const { page } = await visit(served);
   await page.evaluate(() => {
     const context = document.getElementById("view").getContext("webgl2");
-    globalThis.loss = context.getExtension("WEBGL_lose_context");
-    globalThis.loss.loseContext();
+    globalThis.extension = context.getExtension("WEBGL_lose_context");
+    globalThis.extension.loseContext();
   });
   await page.waitForSelector('[data-code="graphics_lost"]');
-  await page.evaluate(() => globalThis.loss.restoreContext());
+  await page.evaluate(() => globalThis.extension.restoreContext());
   await page.waitForSelector('[data-code="graphics_lost"]', { state: "detached" });
   await page.close();
 });
 
-// Runs in the page: how many colours a grid of the picture's points has.
+// Runs in the page: number of colors in a sample of the canvas.
 function colors() {
   const canvas = document.getElementById("view");
   const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
@@ -30,15 +30,15 @@ function colors() {
   return found.size;
 }
 
-test("without WebGL a sketch is drawn, in which the object is dragged and grasped", async (t) => {
-  const flat = await open({ args: ["--disable-3d-apis"] });
-  t.after(() => flat.close());
-  const { page, complaints } = await blank(flat);
-  await page.goto(flat.address);
-  assert.match(await page.textContent("[data-code=graphics_flat]"), /flat sketch/);
+test("2D canvas fallback without WebGL allows dragging and grasping", async (t) => {
+  const withoutWebgl = await open({ args: ["--disable-3d-apis"] });
+  t.after(() => withoutWebgl.close());
+  const { page, errors } = await newPage(withoutWebgl);
+  await page.goto(withoutWebgl.address);
+  assert.match(await page.textContent("[data-code=webgl_unavailable]"), /a 2D canvas is used/);
   await page.waitForFunction(() => Number(document.getElementById("view").dataset.drawn) > 0);
   await untilReady(page);
-  await page.click("[data-code=graphics_flat] .close");
+  await page.click("[data-code=webgl_unavailable] .close");
   await page.waitForFunction(`(${colors})() > 12`);
   const [x, y] = await page.evaluate(findObject);
   const before = await page.inputValue("#pose-y");
@@ -47,22 +47,22 @@ test("without WebGL a sketch is drawn, in which the object is dragged and graspe
   await page.mouse.move(x + 60, y, { steps: 8 });
   await page.mouse.up();
   await page.waitForFunction((y) => document.getElementById("pose-y").value !== y, before);
-  await screenshot(page, "sketch");
-  assert.equal((await grasp(page, 0)).words, "Lifted and held.");
-  await screenshot(page, "sketch-held");
-  // What three.js says of it goes to the console.
-  assert.deepEqual(complaints.filter((words) => !words.includes("THREE.WebGLRenderer")), []);
+  await screenshot(page, "canvas-2d");
+  assert.equal((await grasp(page, 0)).headline, "Lifted and held.");
+  await screenshot(page, "canvas-2d-held");
+  // three.js logs the missing WebGL to the console.
+  assert.deepEqual(errors.filter((text) => !text.includes("THREE.WebGLRenderer")), []);
   await page.close();
 });
 
-test("where nothing can be drawn verdicts are told all the same", async () => {
-  const { page } = await blank(served);
+test("outcome is shown without any graphics", async () => {
+  const { page } = await newPage(served);
   await page.addInitScript(() => (HTMLCanvasElement.prototype.getContext = () => null));
   await page.goto(served.address);
-  await page.waitForSelector("[data-code=graphics_missing]");
+  await page.waitForSelector("[data-code=graphics_unavailable]");
   await untilReady(page);
-  assert.equal((await grasp(page, 0)).words, "Lifted and held.");
-  // What cannot be done without a picture does no harm.
+  assert.equal((await grasp(page, 0)).headline, "Lifted and held.");
+  // Actions that need the canvas have no effect.
   await page.click("#save-png");
   await page.keyboard.press("c");
   assert.ok(await page.isEnabled("#grasp"));

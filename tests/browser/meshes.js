@@ -1,10 +1,10 @@
-// Meshes to bring to the page, as OBJ files and one as glTF.
+// Test meshes in all supported formats.
 
-// A box of 40 x 60 x 120, without a unit as OBJ files are.
+// Box of 40 x 60 x 120 in OBJ, a format without unit.
 export const BOX = `v 0 0 0\nv 40 0 0\nv 40 60 0\nv 0 60 0\nv 0 0 120\nv 40 0 120\nv 40 60 120\nv 0 60 120
 f 1 4 3 2\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n`;
 
-// The same corners in metres, as glTF that holds its buffer: two sides of the box are missing.
+// The same box in meters as glTF with an embedded buffer; two of its faces are missing.
 export function gltf() {
   const corners = [0, 1].flatMap((z) => [[0, 0], [1, 0], [1, 1], [0, 1]].map(([x, y]) => [0.04 * x, 0.12 * z, -0.06 * y]));
   const faces = [[0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5]].flatMap(([a, b, c, d]) => [a, b, c, a, c, d]);
@@ -24,12 +24,12 @@ export function gltf() {
   });
 }
 
-// The same box as other formats have it.
-export function others() {
+// The same box in the other formats.
+export function otherFormats() {
   const lines = BOX.trim().split("\n").map((line) => line.split(" "));
   const corners = lines.filter(([kind]) => kind === "v").map(([, ...xyz]) => xyz);
   const faces = lines.filter(([kind]) => kind === "f").map(([, ...indices]) => indices.map((index) => index - 1));
-  const rows = (all, more = []) => all.map((one) => [...more, ...one].join(" ")).join("\n");
+  const rows = (all, prefix = []) => all.map((row) => [...prefix, ...row].join(" ")).join("\n");
   const triangles = faces.flatMap(([a, b, c, d]) => [[a, b, c], [a, c, d]]);
   const facet = (triangle) => `facet normal 0 0 0\nouter loop\n${rows(triangle.map((i) => corners[i]), ["vertex"])}\nendloop\nendfacet`;
   const binary = Buffer.alloc(84 + 50 * triangles.length);
@@ -45,7 +45,7 @@ export function others() {
   };
 }
 
-// The glTF above in one binary file.
+// The glTF above as a binary file.
 function glb() {
   const { buffers, ...scene } = JSON.parse(gltf());
   const bytes = Buffer.from(buffers[0].uri.split(",")[1], "base64");
@@ -62,7 +62,7 @@ function glb() {
   return Buffer.concat([head, ...chunks]);
 }
 
-// A bottle with ribs, of so many triangles.
+// Ribbed bottle with the given number of triangles (a multiple of 400).
 export function bottle(triangles) {
   const [around, along] = [200, triangles / 400];
   const radius = (v) => 0.03 + 0.004 * Math.sin(20 * v) - 0.012 * Math.max(0, v - 0.7) / 0.3;

@@ -1,8 +1,8 @@
-// The page as one meets it: it draws, keeps to its policy, and fits wide and narrow windows.
+// The demo page: rendering, content security policy, layout, keyboard, accessibility, touch.
 
 import assert from "node:assert/strict";
 import { after, before, test } from "node:test";
-import { barriers, blank, findObject, open, PHONE, screenshot, untilReady, visit, WIDE } from "./chromium.js";
+import { a11yViolations, newPage, findObject, open, PHONE, screenshot, untilReady, visit, WIDE } from "./chromium.js";
 
 let served;
 before(async () => (served = await open()));
@@ -10,22 +10,22 @@ after(() => served?.close());
 
 for (const [shape, viewport] of Object.entries({ wide: WIDE, phone: PHONE })) {
   for (const colorScheme of ["light", "dark"]) {
-    test(`it draws without complaint, ${shape} and ${colorScheme}`, async () => {
-      const { page, complaints } = await visit(served, { viewport, colorScheme });
+    test(`demo renders without errors, ${shape} and ${colorScheme}`, async () => {
+      const { page, errors } = await visit(served, { viewport, colorScheme });
       await untilReady(page);
       const ground = await page.evaluate(() => getComputedStyle(document.body).backgroundColor);
       const brightness = Math.max(...ground.match(/\d+/g).map(Number));
       assert.equal(brightness < 128, colorScheme === "dark", ground);
       await screenshot(page, `${shape}-${colorScheme}`);
-      assert.deepEqual(complaints, []);
+      assert.deepEqual(errors, []);
       await page.close();
     });
   }
 }
 
-// Visible controls that reach out of the window, out of their box, or over one another.
-const misplaced = () => {
-  const named = (control) => control.id || control.value || control.textContent;
+// Runs in the page: visible controls that are clipped, outside of their container, or overlap.
+const layoutErrors = () => {
+  const nameOf = (control) => control.id || control.value || control.textContent;
   const isIn = (inner, outer) =>
     inner.left >= outer.left - 1 && inner.right <= outer.right + 1 && inner.top >= outer.top - 1;
   const controls = [...document.querySelectorAll(".dock button, .dock select, .cameras button, h1")].filter(
@@ -34,66 +34,66 @@ const misplaced = () => {
   const boxes = controls.map((control) => control.getBoundingClientRect());
   const screen = { left: 0, right: innerWidth, top: 0 };
   const found = [];
-  // Narrow, the dock is as wide as the window.
+  // In narrow windows the dock spans the width.
   const dock = document.querySelector(".dock").getBoundingClientRect();
   if (innerWidth < 800 && dock.width < innerWidth - 1) found.push(`the dock is ${dock.width} pixels wide`);
   controls.forEach((control, i) => {
-    const home = control.closest(".dock")?.getBoundingClientRect() ?? screen;
-    if (!isIn(boxes[i], screen) || !isIn(boxes[i], home)) found.push(`${named(control)} is cut off`);
-    if (boxes[i].bottom > innerHeight + 1) found.push(`${named(control)} is below the window`);
-    if (control.scrollWidth > control.clientWidth + 1) found.push(`${named(control)} does not fit its button`);
+    const container = control.closest(".dock")?.getBoundingClientRect() ?? screen;
+    if (!isIn(boxes[i], screen) || !isIn(boxes[i], container)) found.push(`${nameOf(control)} is clipped`);
+    if (boxes[i].bottom > innerHeight + 1) found.push(`${nameOf(control)} is below the window`);
+    if (control.scrollWidth > control.clientWidth + 1) found.push(`${nameOf(control)} overflows its button`);
     for (let j = 0; j < i; j++) {
-      const apart =
+      const isDisjoint =
         boxes[i].left >= boxes[j].right - 1 ||
         boxes[j].left >= boxes[i].right - 1 ||
         boxes[i].top >= boxes[j].bottom - 1 ||
         boxes[j].top >= boxes[i].bottom - 1;
-      if (!apart) found.push(`${named(control)} lies over ${named(controls[j])}`);
+      if (!isDisjoint) found.push(`${nameOf(control)} overlaps ${nameOf(controls[j])}`);
     }
   });
-  // Below the fold of a panel that scrolls, what counts is the width.
+  // The panel scrolls vertically, so only widths are checked.
   for (const section of document.querySelectorAll(".panel > section")) {
-    const room = section.getBoundingClientRect();
+    const bounds = section.getBoundingClientRect();
     for (const part of section.querySelectorAll("label, label span, button, input, select, dd, p")) {
       if (!part.checkVisibility({ visibilityProperty: true })) continue;
-      if (part.getBoundingClientRect().right > room.right + 1) found.push(`${named(part)} reaches out of the panel`);
-      if (part.matches("span") && part.scrollWidth > part.clientWidth) found.push(`${named(part)} is cut short`);
+      if (part.getBoundingClientRect().right > bounds.right + 1) found.push(`${nameOf(part)} exceeds the width of the panel`);
+      if (part.matches("span") && part.scrollWidth > part.clientWidth) found.push(`${nameOf(part)} is truncated`);
     }
   }
   return found;
 };
 
-test("every control has its place at every width", async () => {
+test("controls fit and do not overlap at any window width", async () => {
   const { page } = await visit(served);
   await untilReady(page);
   for (const width of [320, 390, 640, 700, 768, 800, 900, 960, 1060, 1440]) {
     await page.setViewportSize({ width, height: 800 });
-    assert.deepEqual(await page.evaluate(misplaced), [], `${width} pixels wide`);
+    assert.deepEqual(await page.evaluate(layoutErrors), [], `${width} pixels wide`);
   }
   await page.setViewportSize({ width: 768, height: 1024 });
   await screenshot(page, "tablet");
   await page.close();
 });
 
-test("the content security policy forbids eval and foreign scripts", async () => {
+test("content security policy blocks eval and third-party scripts", async () => {
   const { page } = await visit(served);
-  const [evaluated, refused] = await page.evaluate(() => {
-    const refused = [];
-    addEventListener("securitypolicyviolation", (event) => refused.push(event.effectiveDirective));
+  const [evaluated, blocked] = await page.evaluate(() => {
+    const blocked = [];
+    addEventListener("securitypolicyviolation", (event) => blocked.push(event.effectiveDirective));
     const script = document.createElement("script");
     script.src = "https://example.invalid/script.js";
     document.head.append(script);
-    // Later, because what the test itself evaluates is exempt.
+    // Deferred, because code evaluated by the test is exempt.
     setTimeout("globalThis.evaluated = true");
-    return new Promise((resolve) => setTimeout(() => resolve([globalThis.evaluated, refused]), 200));
+    return new Promise((resolve) => setTimeout(() => resolve([globalThis.evaluated, blocked]), 200));
   });
   assert.equal(evaluated, undefined);
-  assert.deepEqual(new Set(refused), new Set(["script-src", "script-src-elem"]));
+  assert.deepEqual(new Set(blocked), new Set(["script-src", "script-src-elem"]));
   assert.equal(await page.evaluate(() => crossOriginIsolated), true);
   await page.close();
 });
 
-test("keys do what the buttons do", async () => {
+test("keyboard shortcuts match the buttons", async () => {
   const { page } = await visit(served);
   await untilReady(page);
   await page.keyboard.press("?");
@@ -103,15 +103,15 @@ test("keys do what the buttons do", async () => {
   const before = await page.inputValue("#pose-x");
   await page.keyboard.press("ArrowUp");
   await page.waitForFunction((x) => document.getElementById("pose-x").value !== x, before);
-  // The focus leaves a dialog a moment after it has closed: that key counts, too.
+  // The dialog keeps the focus briefly after closing; keys must work during that time.
   await page.evaluate(() => {
     const key = new KeyboardEvent("keydown", { key: "ArrowDown", bubbles: true });
     document.querySelector("#help button").dispatchEvent(key);
   });
   await page.waitForFunction((x) => document.getElementById("pose-x").value === x, before);
-  const turned = await page.inputValue("#pose-yaw");
+  const yawBefore = await page.inputValue("#pose-yaw");
   await page.keyboard.press("r");
-  await page.waitForFunction((yaw) => document.getElementById("pose-yaw").value !== yaw, turned);
+  await page.waitForFunction((yaw) => document.getElementById("pose-yaw").value !== yaw, yawBefore);
   await page.keyboard.press(" ");
   await page.waitForFunction(() => document.getElementById("rate").textContent === "Paused");
   const layers = { c: "cloud", m: "reconstruction", h: "hulls", f: "forces", t: "trail", j: "target", k: "limits", s: "sensor" };
@@ -121,7 +121,7 @@ test("keys do what the buttons do", async () => {
     assert.equal(await page.isChecked(`#layer-${layer}`), !was, layer);
   }
   await page.keyboard.press("i");
-  await page.waitForSelector("#inside[open]");
+  await page.waitForSelector("#diagnostics[open]");
   for (const [key, preset] of Object.entries({ 1: "front", 2: "side", 3: "top", 4: "sensor" })) {
     await page.keyboard.press(key);
     await page.waitForSelector(`#cameras [value=${preset}][aria-pressed=true]`);
@@ -133,18 +133,18 @@ test("keys do what the buttons do", async () => {
   await page.waitForFunction((yaw) => document.getElementById("pose-yaw").value !== yaw, yaw);
   await page.keyboard.press("e");
   await page.waitForFunction((yaw) => document.getElementById("pose-yaw").value === yaw, yaw);
-  // With Shift the arrows turn the viewer, and the object stays.
-  const stands = () => page.$eval("#pose", (fields) => [...fields.querySelectorAll("input")].map((input) => input.value).join());
-  const stood = await stands();
-  const pictures = [];
+  // Shift and arrow keys orbit the camera without moving the object.
+  const pose = () => page.$eval("#pose", (fields) => [...fields.querySelectorAll("input")].map((input) => input.value).join());
+  const poseBefore = await pose();
+  const images = [];
   for (const key of ["", "Shift+ArrowRight", "Shift+ArrowUp", "+"]) {
     if (key) await page.keyboard.press(key);
     await page.waitForTimeout(700);
-    pictures.push((await page.locator("#view").screenshot()).toString("base64"));
+    images.push((await page.locator("#view").screenshot()).toString("base64"));
   }
-  assert.equal(new Set(pictures).size, 4, "each key shows something else");
-  assert.equal(await stands(), stood);
-  // An attempt that is paused goes on step by step, and back.
+  assert.equal(new Set(images).size, 4, "each key changes the view");
+  assert.equal(await pose(), poseBefore);
+  // A paused attempt can be stepped forward and back.
   const tick = () => page.$eval("#timeline", ({ value }) => Number(value));
   await page.keyboard.press("g");
   for (let reached = await tick(), k = 0; k < 3; k += 1) {
@@ -160,7 +160,7 @@ test("keys do what the buttons do", async () => {
   await page.close();
 });
 
-test("keys can be turned off, and stay so", async () => {
+test("disabled keyboard shortcuts stay disabled after a reload", async () => {
   const { page } = await visit(served);
   await untilReady(page);
   await page.click("#help-open");
@@ -175,75 +175,75 @@ test("keys can be turned off, and stay so", async () => {
   await page.click("#keys-on");
   await page.keyboard.press("Escape");
   await page.waitForSelector("#help", { state: "hidden" });
-  // What was pressed before did nothing, and was heard by now.
+  // The earlier key presses had no effect.
   assert.notEqual(await page.textContent("#rate"), "Paused");
   await page.keyboard.press("?");
   assert.ok(await page.isVisible("#help"));
   await page.close();
 });
 
-test("a camera is no longer marked when somebody looks elsewhere", async () => {
+test("camera button is released when the user orbits or zooms", async () => {
   const { page } = await visit(served);
   await untilReady(page);
   const top = "#cameras [value=top]";
-  for (const look of [() => page.keyboard.press("Shift+ArrowLeft"), () => page.mouse.wheel(0, 100)]) {
+  for (const move of [() => page.keyboard.press("Shift+ArrowLeft"), () => page.mouse.wheel(0, 100)]) {
     await page.click(top);
     await page.waitForSelector(`${top}[aria-pressed=true]`);
     await page.hover("#view", { position: { x: 40, y: 300 } });
     await page.evaluate(() => document.activeElement.blur());
-    await look();
+    await move();
     await page.waitForSelector(`${top}[aria-pressed=false]`);
   }
   await page.close();
 });
 
-test("Space opens what is closed where the focus is, and pauses nothing then", async () => {
+test("Space opens a focused section and does not pause", async () => {
   const { page } = await visit(served);
   await untilReady(page);
-  await page.focus("#inside summary");
+  await page.focus("#diagnostics summary");
   await page.keyboard.press(" ");
-  await page.waitForSelector("#inside[open]");
-  // What a joint's bar shows is there as text.
+  await page.waitForSelector("#diagnostics[open]");
+  // The value of a joint's bar is available as text.
   const bar = await page.waitForSelector(".joint[aria-valuetext]");
-  assert.match(await bar.getAttribute("aria-valuetext"), /^-?\d\.\d\d rad, from -?\d\.\d\d to -?\d\.\d\d$/);
-  // The worker has heard all that was asked of it before.
+  assert.match(await bar.getAttribute("aria-valuetext"), /^-?\d\.\d\d rad \(limits -?\d\.\d\d to -?\d\.\d\d\)$/);
+  // The worker has handled all earlier requests.
   const before = await page.inputValue("#pose-x");
   await page.click("#new-pose");
   await page.waitForFunction((x) => document.getElementById("pose-x").value !== x, before);
   assert.notEqual(await page.textContent("#rate"), "Paused");
-  assert.deepEqual(await barriers(page), []);
+  assert.deepEqual(await a11yViolations(page), []);
   await page.close();
 });
 
 for (const colorScheme of ["light", "dark"]) {
-  test(`nothing bars anybody from what opens over the page, ${colorScheme}`, async () => {
+  test(`dialogs, error cards and bottom sheet are accessible, ${colorScheme}`, async () => {
     const { page } = await visit(served, { colorScheme });
     await untilReady(page);
     await page.keyboard.press("?");
     await page.waitForSelector("#help", { state: "visible" });
-    assert.deepEqual(await barriers(page), [], "the keys");
+    assert.deepEqual(await a11yViolations(page), [], "help dialog");
     await screenshot(page, `help-${colorScheme}`);
     await page.keyboard.press("Escape");
     await page.click("#check-open");
     await page.waitForSelector("dialog.check");
-    assert.deepEqual(await barriers(page), [], "the self-check");
+    assert.deepEqual(await a11yViolations(page), [], "self-check");
     await screenshot(page, `check-${colorScheme}`);
     await page.keyboard.press("Escape");
     await page.setInputFiles("#file", { name: "bad.obj", mimeType: "model/obj", buffer: Buffer.from("v 1") });
     await page.waitForSelector(".failure");
-    assert.deepEqual(await barriers(page), [], "a failure");
+    assert.deepEqual(await a11yViolations(page), [], "error card");
     await page.setViewportSize(PHONE);
     await page.click("#handle");
     await page.waitForSelector("#upload", { state: "visible" });
-    assert.deepEqual(await barriers(page), [], "the sheet");
+    assert.deepEqual(await a11yViolations(page), [], "bottom sheet");
     await screenshot(page, `phone-sheet-${colorScheme}`);
     await page.close();
   });
 }
 
-test("an engine that a browser does not understand is told, with what to do", async () => {
-  const { page } = await blank(served);
-  // A section of a kind that there is none of, as SIMD is to a browser without it.
+test("unsupported WebAssembly is reported with a hint", async () => {
+  const { page } = await newPage(served);
+  // A module with an unknown section, as SIMD is for a browser without support.
   const body = Buffer.from([0, 97, 115, 109, 1, 0, 0, 0, 99, 1, 0]);
   await page.route("**/*.wasm", (route) => route.fulfill({ body, contentType: "application/wasm" }));
   await page.goto(served.address);
@@ -254,8 +254,8 @@ test("an engine that a browser does not understand is told, with what to do", as
   await page.close();
 });
 
-test("the self-check says what is missing", async () => {
-  const { page } = await blank(served);
+test("self-check lists missing features", async () => {
+  const { page } = await newPage(served);
   await page.addInitScript(() => delete globalThis.WebAssembly);
   await page.goto(`${served.address}?check`);
   const missing = await page.waitForSelector("dialog.check .is-bad");
@@ -263,7 +263,7 @@ test("the self-check says what is missing", async () => {
   await page.close();
 });
 
-test("on a phone the settings open as a sheet", async () => {
+test("settings open as a bottom sheet on a phone", async () => {
   const { page } = await visit(served, { viewport: PHONE });
   assert.equal(await page.isVisible("#upload"), false);
   await page.click("#handle");
@@ -272,7 +272,7 @@ test("on a phone the settings open as a sheet", async () => {
   await page.close();
 });
 
-test("the object is dragged over the table", async () => {
+test("object can be dragged on the table", async () => {
   const { page } = await visit(served);
   await untilReady(page);
   const [x, y] = await page.evaluate(findObject);
@@ -286,7 +286,7 @@ test("the object is dragged over the table", async () => {
   await page.close();
 });
 
-// Runs in the page: over how much of the view (points of a grid) the object can be grabbed.
+// Runs in the page: number of grid points at which the object can be grabbed.
 function sizeOfObject() {
   const canvas = document.getElementById("view");
   const { width, height } = canvas.getBoundingClientRect();
@@ -300,8 +300,8 @@ function sizeOfObject() {
   return size;
 }
 
-test("one finger moves the object, two come nearer and leave it where it is", async () => {
-  const { page, complaints } = await visit(served, { viewport: PHONE });
+test("one finger moves the object, two fingers zoom and leave it in place", async () => {
+  const { page, errors } = await visit(served, { viewport: PHONE });
   await untilReady(page);
   const session = await page.context().newCDPSession(page);
   const touch = (type, ...points) =>
@@ -310,15 +310,15 @@ test("one finger moves the object, two come nearer and leave it where it is", as
   const [x, y] = await page.evaluate(findObject);
   const [before, size] = [await pose(), await page.evaluate(sizeOfObject)];
 
-  // The first finger of a hand lands on the object and trembles before the second comes.
+  // The first finger touches the object and moves slightly before the second one.
   await touch("touchStart", [x, y]);
   await touch("touchMove", [x + 4, y + 2]);
   await touch("touchStart", [x + 4, y + 2], [x + 40, y + 40]);
   for (let k = 1; k <= 6; k += 1) await touch("touchMove", [x + 4 - 8 * k, y + 2 - 8 * k], [x + 40 + 8 * k, y + 40 + 8 * k]);
   await touch("touchEnd");
-  let nearer = size;
-  for (let k = 0; k < 100 && nearer <= 1.3 * size; k += 1) nearer = await page.evaluate(sizeOfObject);
-  assert.ok(nearer > 1.3 * size, `${nearer} points after ${size}`);
+  let zoomed = size;
+  for (let k = 0; k < 100 && zoomed <= 1.3 * size; k += 1) zoomed = await page.evaluate(sizeOfObject);
+  assert.ok(zoomed > 1.3 * size, `${zoomed} points, before ${size}`);
   assert.equal(await pose(), before);
 
   const [at, height] = await page.evaluate(findObject);
@@ -326,6 +326,6 @@ test("one finger moves the object, two come nearer and leave it where it is", as
   for (let k = 1; k <= 6; k += 1) await touch("touchMove", [at + 8 * k, height]);
   await touch("touchEnd");
   await page.waitForFunction((y) => document.getElementById("pose-y").value !== y, before.split(",")[1]);
-  assert.deepEqual(complaints, []);
+  assert.deepEqual(errors, []);
   await page.close();
 });

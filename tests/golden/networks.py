@@ -2,9 +2,9 @@
 
     pip install torch numpy && python tests/golden/networks.py
 
-Nothing here is ported from the Rust: the equations are those of the paper (III-A, III-B, III-D), d psi/dq
-is made by automatic differentiation, neighbourhoods by sorting. Weights, clouds and states are hashes of
-their index, exact in half precision, so that they need not be stored; frequencies come from their seed.
+Independent of the Rust code: the equations are those of the paper (III-A, III-B, III-D), d psi/dq comes
+from automatic differentiation, neighborhoods from sorting. Weights, clouds and states are hashes of their
+index, exact in half precision, and need not be stored. Frequencies come from their seed.
 """
 
 import json
@@ -23,7 +23,7 @@ torch.set_default_dtype(torch.float64)
 
 
 def hashed(name, count):
-    """Multiples of 1/512 in [-1, 1), by name and index."""
+    """Pseudo-random multiples of 1/512 in [-1, 1) by name and index."""
     k = np.arange(count, dtype=np.uint64)
     h = (k * 2654435761 + zlib.crc32(name.encode())) & 0xFFFFFFFF
     h = ((h ^ (h >> np.uint64(15))) * 2246822519) & 0xFFFFFFFF
@@ -52,13 +52,13 @@ def mlp(params, name, x, activation, after_last=False):
 
 
 def chacha8(seed):
-    """The words of rand_chacha's ChaCha8Rng::seed_from_u64."""
+    """Output words of rand_chacha's ChaCha8Rng::seed_from_u64."""
     key, state, mask = [], seed, (1 << 64) - 1
     for _ in range(8):
         state = (state * 6364136223846793005 + 11634580027462260723) & mask
         word = (((state >> 18) ^ state) >> 27) & 0xFFFFFFFF
-        turn = state >> 59
-        key.append(((word >> turn) | (word << (32 - turn))) & 0xFFFFFFFF)
+        rotation = state >> 59
+        key.append(((word >> rotation) | (word << (32 - rotation))) & 0xFFFFFFFF)
     counter = 0
     while True:
         start = [0x61707865, 0x3320646E, 0x79622D32, 0x6B206574, *key]
@@ -86,7 +86,7 @@ def chacha8(seed):
 
 
 def frequencies(blocks, seed):
-    """Gaussian frequencies, block by block, each with its length scale."""
+    """Gaussian frequencies of each input block, divided by its length scale."""
     words = chacha8(seed)
     rows = []
     for size, length_scale in blocks:
@@ -107,40 +107,40 @@ def limits():
     return bound("lower"), bound("upper")
 
 
-def turn(axis, angle):
-    """The rotation about a unit axis."""
+def rotation(axis, angle):
+    """Rotation matrix about a unit axis."""
     x, y, z = axis
     cross = torch.tensor([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     return torch.eye(3) + angle.sin() * cross + (1 - angle.cos()) * cross @ cross
 
 
-def tips(q):
-    """Places of the fingertips at one configuration, from the URDF: index, middle, ring, thumb."""
+def fingertips(q):
+    """Fingertip positions of one configuration, from the URDF: index, middle, ring, thumb."""
     child = {joint.find("child").get("link"): joint for joint in ROBOT.iter("joint")}
     numbers = lambda text: [float(x) for x in text.split()]
 
-    def place(link, at):
+    def position(link, at):
         while (joint := child.get(link)) is not None:
             if joint in MOVING:
-                at = turn(numbers(joint.find("axis").get("xyz")), q[MOVING.index(joint)]) @ at
+                at = rotation(numbers(joint.find("axis").get("xyz")), q[MOVING.index(joint)]) @ at
             origin = joint.find("origin")
             for axis, angle in zip(torch.eye(3).tolist(), numbers(origin.get("rpy", "0 0 0"))):
-                at = turn(axis, torch.tensor(angle)) @ at
+                at = rotation(axis, torch.tensor(angle)) @ at
             at = at + torch.tensor(numbers(origin.get("xyz", "0 0 0")))
             link = joint.find("parent").get("link")
         return at
 
     names = ("index_tip", "middle_tip", "ring_tip", "thumb_tip")
-    return torch.cat([place(name, torch.zeros(3)) for name in names])
+    return torch.cat([position(name, torch.zeros(3)) for name in names])
 
 
 def imitation(qdd, q, qd, target, settings):
-    """Eq. 2 with the expert of Eq. 1, in the joints and, by the Jacobian, at the fingertips."""
+    """Eq. 2 with the expert of Eq. 1: error of the joints and, by the Jacobian, of the fingertips."""
     expert = settings["position"] * (target - q) - settings["velocity"] * qd
-    off = qdd - expert
-    levers = torch.stack([torch.autograd.functional.jacobian(tips, row) for row in q])
-    at_tips = settings["tip_weight"] * (levers @ off[..., None])[..., 0]
-    return torch.sqrt((off**2).sum(-1) + (at_tips**2).sum(-1) + 1e-6).mean()
+    error = qdd - expert
+    jacobians = torch.stack([torch.autograd.functional.jacobian(fingertips, row) for row in q])
+    fingertip_error = settings["fingertip_weight"] * (jacobians @ error[..., None])[..., 0]
+    return torch.sqrt((error**2).sum(-1) + (fingertip_error**2).sum(-1) + 1e-6).mean()
 
 
 def positive(x):
@@ -177,8 +177,8 @@ def ngf(params, config, q, qd, z):
     entries = network(0, "geometry_metric", unit), network(2, "driving_metric", None)
     metric_g, metric_f = map(metric, entries)
     chi = network(1, "geometry", unit)
-    bowl = 0.5 * config["bowl"] * ((q - torch.tensor(config["rest"])) ** 2).sum(-1)
-    psi = config["potential_scale"] * network(3, "potential", None)[:, 0] + bowl
+    base = 0.5 * config["base_stiffness"] * ((q - torch.tensor(config["potential_center"])) ** 2).sum(-1)
+    psi = config["potential_scale"] * network(3, "potential", None)[:, 0] + base
     slope = torch.autograd.grad(psi.sum(), q, create_graph=True)[0]
     damping = positive(network(4, "damping", qd))
 
@@ -191,7 +191,7 @@ def ngf(params, config, q, qd, z):
 
 
 def baseline(params, config, q, qd, z):
-    """The baseline (III-C): one network on the scaled state, or on its Fourier features."""
+    """Acceleration MLP (baseline, III-C) on the scaled state or its Fourier features."""
     lower, upper = limits()
     x = torch.cat([(2 * q - upper - lower) / (upper - lower), qd, z], -1)
     activation = torch.relu
@@ -203,20 +203,20 @@ def baseline(params, config, q, qd, z):
     return config["acceleration_scale"] * mlp(params, "baseline", x, activation)
 
 
-MIDDLE, SCALE = torch.tensor([0.6, 0.0, -0.15]).float().double(), 0.2
+CENTER, SCALE = torch.tensor([0.6, 0.0, -0.15]).float().double(), 0.2
 
 
 def encode(params, cloud):
-    """PointNet layers over 128 neighbourhoods of 16, then the largest over all (III-D)."""
+    """PointNet layers over 128 neighborhoods of 16 points, then max pooling (III-D)."""
     centers = cloud[:128]
     distance = ((centers[:, None] - cloud[None]) ** 2).sum(-1)
-    near = torch.sort(distance, dim=1, stable=True).indices[:, :16]
-    place = (centers - MIDDLE) / SCALE
-    offset = (cloud[near] - centers[:, None]) / 0.02
-    local = torch.cat([offset, place[:, None].expand_as(offset)], -1)
+    neighbors = torch.sort(distance, dim=1, stable=True).indices[:, :16]
+    position = (centers - CENTER) / SCALE
+    offset = (cloud[neighbors] - centers[:, None]) / 0.02
+    local = torch.cat([offset, position[:, None].expand_as(offset)], -1)
     local = mlp(params, "encoder.local", local, torch.relu, True).amax(1)
-    strongest = mlp(params, "encoder.global", torch.cat([local, place], -1), torch.relu, True).amax(0)
-    return mlp(params, "encoder.readout", strongest, torch.relu)
+    pooled = mlp(params, "encoder.global", torch.cat([local, position], -1), torch.relu, True).amax(0)
+    return mlp(params, "encoder.readout", pooled, torch.relu)
 
 
 def chamfer(a, b):
@@ -225,15 +225,15 @@ def chamfer(a, b):
 
 
 def gradients(loss, params):
-    """Of each parameter: the norm, and the values at a few places. psi's last bias has none."""
+    """Norm and sampled values of the gradient of each parameter; zero for psi's last bias."""
     found = {}
-    made = torch.autograd.grad(
+    grads = torch.autograd.grad(
         loss, params.values(), retain_graph=True, allow_unused=True, materialize_grads=True
     )
-    for name, g in zip(params, made):
+    for name, g in zip(params, grads):
         g = g.flatten()
-        places = [(7919 * i) % len(g) for i in range(6)]
-        found[name] = {"norm": g.norm().item(), "at": places, "values": g[places].tolist()}
+        indices = [(7919 * i) % len(g) for i in range(6)]
+        found[name] = {"norm": g.norm().item(), "at": indices, "values": g[indices].tolist()}
     return found
 
 
@@ -245,8 +245,8 @@ def main():
         "velocity_scale": 3.0,
         "latent_scale": 8.0,
         "potential_scale": 100.0,
-        "bowl": 450.0,
-        "rest": hashed("rest", DOF).tolist(),
+        "base_stiffness": 450.0,
+        "potential_center": hashed("rest", DOF).tolist(),
     }
     outputs = {
         "geometry_metric": TRIANGLE,
@@ -273,11 +273,11 @@ def main():
         "gradients": gradients((qdd * weights).sum(), params),
     }
 
-    settings = {"position": 225.0, "velocity": 30.0, "tip_weight": 3.0, "metric_weight": 10.0}
+    settings = {"position": 225.0, "velocity": 30.0, "fingertip_weight": 3.0, "metric_weight": 10.0}
     target = torch.tensor(hashed("target", batch * DOF).reshape(batch, DOF))
     loss = imitation(qdd, q, qd, target, settings)
-    whole = loss + settings["metric_weight"] * (entries**2).mean()
-    training = {"settings": settings, "loss": loss.item(), "gradients": gradients(whole, params)}
+    total = loss + settings["metric_weight"] * (entries**2).mean()
+    training = {"settings": settings, "loss": loss.item(), "gradients": gradients(total, params)}
 
     features = {"seed": 2309, "scales": [2.0, 3.0, 16.0]}
     baselines = []
@@ -295,15 +295,15 @@ def main():
     params = layers("encoder.local", [6, 32, 64]) | layers("encoder.global", [67, 64, 256])
     params |= layers("encoder.readout", [256, 128, LATENT])
     params |= layers("decoder", [LATENT, 256, 256, 3 * 512])
-    # Multiples of 1/4096 m about the middle: squares of their differences are exact in float32.
+    # Multiples of 1/4096 m about the center: squared differences are exact in float32.
     cloud = torch.tensor(hashed("cloud", 3 * 512).reshape(512, 3) / 8)
     cloud = cloud + torch.tensor([0.625, 0.0, -0.125])
     latent = encode(params, cloud)
-    made = mlp(params, "decoder", latent, torch.relu).reshape(512, 3)
-    loss = chamfer(made, (cloud - MIDDLE) / SCALE)
+    decoded = mlp(params, "decoder", latent, torch.relu).reshape(512, 3)
+    loss = chamfer(decoded, (cloud - CENTER) / SCALE)
     encoder = {
         "z": latent.tolist(),
-        "decoded": made.flatten()[:: 7 * 3].tolist(),
+        "decoded": decoded.flatten()[:: 7 * 3].tolist(),
         "chamfer": loss.item(),
         "gradients": gradients(loss, params),
     }

@@ -1,7 +1,7 @@
-"""Milliseconds of a physics step of MuJoCo: our arm-hand at home, a table and the sugar box on it.
+"""Time of a MuJoCo physics step (ms): arm-hand in its home configuration, table, sugar box.
 
-Run as `python mujoco_step.py URDF`; prints `row mujoco_step VALUE ms`. Steps, motors and armatures are those of
-assets/scene/scene.toml; contacts between neighbouring links are off, as in our scene.
+Run as `python mujoco_step.py URDF`; prints `row mujoco_step VALUE ms`. Time step, motors and armatures match
+assets/scene/scene.toml. Contacts between adjacent links are disabled, as in our scene.
 """
 
 import sys
@@ -52,10 +52,10 @@ def main() -> None:
     mujoco.mj_forward(compiled, data)
     seconds = []
     for _ in range(REPEATS):
-        begin = time.perf_counter()
+        start = time.perf_counter()
         for _ in range(STEPS):
             mujoco.mj_step(compiled, data)
-        seconds.append((time.perf_counter() - begin) / STEPS)
+        seconds.append((time.perf_counter() - start) / STEPS)
     assert np.isfinite(data.qpos).all()
     print(f"contacts at the end: {data.ncon}", file=sys.stderr)
     print(f"row mujoco_step {1000 * sorted(seconds)[REPEATS // 2]:.4f} ms")

@@ -1,6 +1,6 @@
-"""Reads a dataset without the project's code and computes Eq. 6 and 7 again, row by row.
+"""Reads a dataset without the project's code and checks Eq. 6 and 7 in every row.
 
-Run as `python read_dataset.py DIR README`: DIR is a dataset, README the file whose snippet is run, too.
+Run as `python read_dataset.py DIR FILE`: DIR is a dataset, FILE a Markdown file whose Python snippet is also run.
 Prints `# pass N` and `# fail N`.
 """
 
@@ -16,8 +16,8 @@ from safetensors.numpy import load_file
 
 DOF = 23
 DT = 1 / 30
-# Rounding to single precision of values up to about 20.
-ROUNDED = 1e-5
+# Single-precision tolerance for values up to about 20.
+F32_TOLERANCE = 1e-5
 
 
 def rows(folder: Path) -> pl.DataFrame:
@@ -40,16 +40,16 @@ def test_rows_satisfy_eq6_and_eq7(folder: Path) -> None:
     next_q = q + DT * qd + 0.5 * DT**2 * qdd  # Eq. 6
     next_qd = qd + DT * qdd  # Eq. 7
     assert len(q) > 100, f"only {len(q)} rows"
-    assert np.abs(next_q - target).max() < ROUNDED
+    assert np.abs(next_q - target).max() < F32_TOLERANCE
     index = frame["frame_index"].to_numpy()
-    goes_on = index[1:] == index[:-1] + 1
-    assert np.abs(next_q[:-1] - q[1:])[goes_on].max() < ROUNDED
-    assert np.abs(next_qd[:-1] - qd[1:])[goes_on].max() < ROUNDED
-    # The test can fail: half a step more is found.
-    assert np.abs(q + 1.5 * DT * qd - target).max() > 100 * ROUNDED
+    is_consecutive = index[1:] == index[:-1] + 1
+    assert np.abs(next_q[:-1] - q[1:])[is_consecutive].max() < F32_TOLERANCE
+    assert np.abs(next_qd[:-1] - qd[1:])[is_consecutive].max() < F32_TOLERANCE
+    # Sensitivity: an error of half a step is detected.
+    assert np.abs(q + 1.5 * DT * qd - target).max() > 100 * F32_TOLERANCE
 
 
-def test_episodes_fill_the_rows(folder: Path) -> None:
+def test_episodes_cover_all_rows(folder: Path) -> None:
     frame, table = rows(folder), episodes(folder)
     info = json.loads((folder / "meta/info.json").read_text())
     assert info["codebase_version"] == "v3.0"
@@ -59,16 +59,16 @@ def test_episodes_fill_the_rows(folder: Path) -> None:
     ends = table["dataset_to_index"].to_list()
     assert starts == [0] + ends[:-1] and ends[-1] == len(frame)
     for episode, (start, end) in enumerate(zip(starts, ends)):
-        span = frame[start:end]
-        assert (span["episode_index"] == episode).all()
-        assert span["frame_index"].to_list() == list(range(end - start))
-        assert table["touch"][episode] < end - start
+        rows_of_episode = frame[start:end]
+        assert (rows_of_episode["episode_index"] == episode).all()
+        assert rows_of_episode["frame_index"].to_list() == list(range(end - start))
+        assert table["contact_row"][episode] < end - start
     for name in ("observation.state", "action"):
         feature = info["features"][name]
         assert feature["shape"] == [2 * DOF] and len(feature["names"]) == 2 * DOF
 
 
-def test_statistics_are_those_of_the_rows(folder: Path) -> None:
+def test_statistics_match_the_rows(folder: Path) -> None:
     stats = json.loads((folder / "meta/stats.json").read_text())
     frame = rows(folder)
     for name in ("observation.state", "action"):
@@ -81,14 +81,14 @@ def test_statistics_are_those_of_the_rows(folder: Path) -> None:
 
 def test_every_kept_attempt_is_an_episode(folder: Path) -> None:
     attempts, poses = (pl.read_parquet(folder / f"{name}.parquet") for name in ("attempts", "poses"))
-    kept = attempts.filter(pl.col("fate") == "kept")
+    kept = attempts.filter(pl.col("outcome") == "kept")
     table = episodes(folder)
     key = ["object", "pose_index", "target_seed", "grasp"]
     assert kept.select(key).rows() == table.select(key).rows()
-    assert poses["kept"].sum() == len(kept) and poses["attempts"].sum() == len(attempts)
+    assert poses["num_kept"].sum() == len(kept) and poses["num_attempts"].sum() == len(attempts)
 
 
-def test_clouds_lie_on_the_table_before_the_robot(folder: Path) -> None:
+def test_clouds_are_within_the_workspace(folder: Path) -> None:
     files = sorted((folder / "clouds/poses").rglob("*.safetensors"))
     files += sorted((folder / "clouds/objects").rglob("*.safetensors"))
     assert files
@@ -100,20 +100,20 @@ def test_clouds_lie_on_the_table_before_the_robot(folder: Path) -> None:
             assert (points >= [0.25, -0.40, -0.25]).all() and (points <= [0.95, 0.40, 0.15]).all()
 
 
-def test_the_snippet_of_the_readme_runs(folder: Path, readme: Path) -> None:
-    snippet = re.search(r"```python\n(.*?)```", readme.read_text(), re.DOTALL)
-    assert snippet, "there is no snippet"
+def test_documented_snippet_runs(folder: Path, document: Path) -> None:
+    snippet = re.search(r"```python\n(.*?)```", document.read_text(), re.DOTALL)
+    assert snippet, "no Python snippet in the Markdown file"
     code = snippet.group(1)
     assert "DIR" in code
-    exec(compile(code.replace('"DIR"', repr(str(folder))), str(readme), "exec"), {})
+    exec(compile(code.replace('"DIR"', repr(str(folder))), str(document), "exec"), {})
 
 
 def main() -> int:
-    folder, readme = Path(sys.argv[1]), Path(sys.argv[2])
+    folder, document = Path(sys.argv[1]), Path(sys.argv[2])
     tests = {name: test for name, test in globals().items() if name.startswith("test_")}
     failed = 0
     for name, test in tests.items():
-        arguments = (folder, readme) if test.__code__.co_argcount == 2 else (folder,)
+        arguments = (folder, document) if test.__code__.co_argcount == 2 else (folder,)
         try:
             test(*arguments)
             print(f"{name} ... ok")

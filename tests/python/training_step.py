@@ -1,8 +1,8 @@
-"""Milliseconds of a training step in PyTorch: the NGF with all five networks, and the autoencoder.
+"""Time of a PyTorch training step (ms): the NGF with all five networks, and the autoencoder.
 
 Run as `python training_step.py`; prints `row torch_ngf_training_step VALUE ms` and the same for the encoder, each with
-the number of threads that is best. Sizes, batches and optimiser are those of `crates/imitation`; the equations those of
-tests/golden/networks.py, in single precision.
+the fastest number of threads. Sizes, batches and optimizer match `crates/imitation`. The equations are those of
+tests/golden/networks.py in single precision.
 """
 
 import os
@@ -80,12 +80,12 @@ class Ngf:
         h, drive = -solved[..., 0], solved[..., 1]
         alpha = -(qd * h).sum(-1, keepdim=True) / (speed2 + 1e-6)
         qdd = h + (alpha - 5.0) * qd - drive
-        off = torch.sqrt(((qdd - 1) ** 2).sum(-1) + 1e-6).mean()
-        return off + 10 * 0.5 * ((u_g**2).mean() + (u_f**2).mean())
+        error = torch.sqrt(((qdd - 1) ** 2).sum(-1) + 1e-6).mean()
+        return error + 10 * 0.5 * ((u_g**2).mean() + (u_f**2).mean())
 
 
 class Autoencoder:
-    """PointNet layers over neighbourhoods, a decoder, and the Chamfer distance."""
+    """PointNet layers over neighborhoods, a decoder, and the Chamfer distance."""
 
     def __init__(self):
         self.local = layers([6, 32, 64])
@@ -94,34 +94,34 @@ class Autoencoder:
         self.decoder = layers([LATENT, 256, 256, 3 * CLOUD])
         self.params = self.local + self.global_ + self.readout + self.decoder
 
-    def loss(self, clouds, near):
+    def loss(self, clouds, neighbors):
         count, relu = len(clouds), torch.relu
         centers = clouds[:, :CENTERS]
-        points = torch.gather(clouds, 1, near.reshape(count, -1, 1).expand(-1, -1, 3))
+        points = torch.gather(clouds, 1, neighbors.reshape(count, -1, 1).expand(-1, -1, 3))
         points = points.reshape(count, CENTERS, NEIGHBORS, 3)
-        place = (centers - torch.tensor([0.6, 0.0, -0.15])) / 0.2
-        local = torch.cat([(points - centers[:, :, None]) / 0.02, place[:, :, None].expand_as(points)], -1)
+        position = (centers - torch.tensor([0.6, 0.0, -0.15])) / 0.2
+        local = torch.cat([(points - centers[:, :, None]) / 0.02, position[:, :, None].expand_as(points)], -1)
         local = mlp(self.local, local.reshape(-1, 6), relu, True).reshape(count, CENTERS, NEIGHBORS, -1).amax(2)
-        both = torch.cat([local, place], -1).reshape(-1, 67)
-        strongest = mlp(self.global_, both, relu, True).reshape(count, CENTERS, -1).amax(1)
-        z = mlp(self.readout, strongest, relu)
-        made = mlp(self.decoder, z, relu).reshape(count, CLOUD, 3)
-        wanted = (clouds - torch.tensor([0.6, 0.0, -0.15])) / 0.2
-        distance = torch.cdist(made, wanted) ** 2
+        both = torch.cat([local, position], -1).reshape(-1, 67)
+        pooled = mlp(self.global_, both, relu, True).reshape(count, CENTERS, -1).amax(1)
+        z = mlp(self.readout, pooled, relu)
+        decoded = mlp(self.decoder, z, relu).reshape(count, CLOUD, 3)
+        target = (clouds - torch.tensor([0.6, 0.0, -0.15])) / 0.2
+        distance = torch.cdist(decoded, target) ** 2
         chamfer = distance.amin(2).mean(1) + distance.amin(1).mean(1)
         return chamfer.mean() + 1e-4 * (z**2).mean()
 
 
 def step_time(network, batch, clip):
-    optimiser = torch.optim.AdamW(network.params, lr=1e-4, betas=(0.9, 0.99), weight_decay=1e-4, fused=True)
+    optimizer = torch.optim.AdamW(network.params, lr=1e-4, betas=(0.9, 0.99), weight_decay=1e-4, fused=True)
     times = []
     for _ in range(2 * STEPS):
-        begin = time.perf_counter()
-        optimiser.zero_grad(set_to_none=True)
+        start = time.perf_counter()
+        optimizer.zero_grad(set_to_none=True)
         network.loss(*batch).backward()
         torch.nn.utils.clip_grad_norm_(network.params, clip)
-        optimiser.step()
-        times.append(1e3 * (time.perf_counter() - begin))
+        optimizer.step()
+        times.append(1e3 * (time.perf_counter() - start))
     return statistics.median(times[STEPS:])
 
 
@@ -129,14 +129,14 @@ def main():
     torch.manual_seed(0)
     ngf = Ngf(), [torch.rand(BATCH, n) - 0.5 for n in (DOF, DOF, LATENT)], 10.0
     clouds = torch.tensor([0.6, 0.0, -0.15]) + 0.2 * (torch.rand(CLOUDS, CLOUD, 3) - 0.5)
-    # Found once, not at each step, as in what it is compared with.
-    near = torch.cdist(clouds[:, :CENTERS], clouds).topk(NEIGHBORS, largest=False).indices
-    encoder = Autoencoder(), [clouds, near], 1.0
-    for name, what in (("ngf", ngf), ("encoder", encoder)):
+    # Computed once, as in the Rust implementation.
+    neighbors = torch.cdist(clouds[:, :CENTERS], clouds).topk(NEIGHBORS, largest=False).indices
+    encoder = Autoencoder(), [clouds, neighbors], 1.0
+    for name, task in (("ngf", ngf), ("encoder", encoder)):
         best = []
         for threads in range(1, (os.cpu_count() or 1) + 1):
             torch.set_num_threads(threads)
-            best.append(step_time(*what))
+            best.append(step_time(*task))
         print(f"row torch_{name}_training_step {min(best):.3f} ms")
 
 

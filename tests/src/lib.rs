@@ -1,1 +1,1 @@
-//! Tests across crates; they lie in `tests/tests`, and what drives the page in `tests/browser`.
+//! Tests across crates: see `tests/tests` (Rust), `tests/browser` (page) and `tests/python`.

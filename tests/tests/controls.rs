@@ -1,70 +1,70 @@
-//! The controls are what they are called.
+//! Control conditions of the evaluation: scripted closing, measured observation, shuffled z and zero z.
 
-#![allow(clippy::unwrap_used, reason = "a helper of a test fails by panicking too")]
-
-use geometry::object::Object;
-use robot::ARM;
-use rollout::{Attempt, Controller, Episode, Failure, RolloutError, Verdict, Workcell};
+use objects::object::Object;
+use robot::ARM_DOF;
+use rollout::{
+    Attempt, AttemptRecording, Controller, FailureReason, Outcome, RolloutContext, RolloutError,
+};
 use std::path::Path;
 
-fn workcell() -> Workcell {
+fn context() -> RolloutContext {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../models/default");
     let read = |file: &str| std::fs::read(folder.join(file)).unwrap();
     let [weights, starts, config] =
-        ["weights.safetensors", "starts.safetensors", "config.json"].map(read);
-    let mut workcell = Workcell::new().unwrap();
-    workcell.load_model(&weights, &starts, &config).unwrap();
-    workcell
+        ["weights.safetensors", "start_configurations.safetensors", "config.json"].map(read);
+    let mut context = RolloutContext::new().unwrap();
+    context.load_model(&weights, &starts, &config).unwrap();
+    context
 }
 
-/// The attempt of seed 0 with the sugar box, played through.
-fn attempt(workcell: &Workcell, controller: Controller) -> Episode {
-    let object = Object::built_in("sugar_box").unwrap();
-    let mut attempt = Attempt::begin(workcell, &object, "sugar_box", None, 0, controller).unwrap();
-    attempt.run(workcell);
-    attempt.episode()
+/// Runs the attempt of seed 0 with the sugar box.
+fn attempt(context: &RolloutContext, controller: Controller) -> AttemptRecording {
+    let object = Object::from_catalog("sugar_box").unwrap();
+    let mut attempt = Attempt::new(context, &object, "sugar_box", None, 0, controller).unwrap();
+    attempt.run(context);
+    attempt.recording()
 }
 
 #[test]
-fn without_a_policy_fingers_close_and_the_arm_rests() {
-    let episode = attempt(&workcell(), Controller::Script);
-    let (from, to) = (episode.policy_tick.unwrap(), episode.lift_tick.unwrap());
-    let (first, last) = (&episode.targets[from], &episode.targets[to]);
-    for row in &episode.targets[from..=to] {
-        assert_eq!(row[..ARM], first[..ARM], "the arm moved");
+fn scripted_closing_moves_fingers_but_not_the_arm() {
+    let recording = attempt(&context(), Controller::ScriptedClose);
+    let (from, to) = (recording.policy_tick.unwrap(), recording.lift_tick.unwrap());
+    let (first, last) = (&recording.targets[from], &recording.targets[to]);
+    for row in &recording.targets[from..=to] {
+        assert_eq!(row[..ARM_DOF], first[..ARM_DOF], "the arm moved");
     }
-    assert!((last[ARM + 1] - first[ARM + 1]).abs() > 0.3, "the fingers did not close");
+    assert!((last[ARM_DOF + 1] - first[ARM_DOF + 1]).abs() > 0.3, "the fingers did not close");
 }
 
 #[test]
-fn controls_begin_where_the_policy_does_and_act_otherwise() {
-    let workcell = workcell();
+fn control_conditions_share_the_start_and_differ_in_actions() {
+    let context = context();
     let [policy, measured, shuffled, zero] = [
         Controller::Policy,
-        Controller::Measured,
+        Controller::PolicyMeasured,
         Controller::ShuffledLatent,
         Controller::ZeroLatent,
     ]
-    .map(|controller| attempt(&workcell, controller));
+    .map(|controller| attempt(&context, controller));
     let begin = policy.policy_tick.unwrap();
     for (name, other) in [("measured", &measured), ("shuffled z", &shuffled), ("zero z", &zero)] {
         assert_eq!(other.policy_tick, Some(begin), "{name}");
-        assert_eq!(other.targets[..=begin], policy.targets[..=begin], "{name}: the same start");
-        // A second later they are elsewhere.
-        let [a, b] = [other, &policy].map(|episode| &episode.targets[begin + 30]);
-        let apart = a.iter().zip(b).map(|(a, b)| (a - b).abs());
-        assert!(apart.fold(0.0, f64::max) > 1e-3, "{name} acts as the policy does");
+        assert_eq!(other.targets[..=begin], policy.targets[..=begin], "{name}: different start");
+        // After one second (30 ticks) the targets differ.
+        let [a, b] = [other, &policy].map(|recording| &recording.targets[begin + 30]);
+        let differences = a.iter().zip(b).map(|(a, b)| (a - b).abs());
+        assert!(differences.fold(0.0, f64::max) > 1e-3, "{name} acts like the policy");
     }
-    // And each in its own way.
+    // The conditions also differ from each other.
     assert_ne!(shuffled.targets, zero.targets);
 }
 
 #[test]
-fn what_cannot_begin_says_so() {
-    let workcell = workcell();
-    let object = Object::built_in("sugar_box").unwrap();
+fn attempt_is_rejected_when_pose_is_invalid_or_demonstration_is_empty() {
+    let context = context();
+    let object = Object::from_catalog("sugar_box").unwrap();
     let begin = |pose, controller| {
-        Attempt::begin(&workcell, &object, "sugar_box", pose, 0, controller).err().unwrap()
+        Attempt::new(&context, &object, "sugar_box", pose, 0, controller).err().unwrap()
     };
     for pose in [[f32::NAN, 0.0, 0.0], [0.6, f32::INFINITY, 0.0], [0.6, 0.0, 1e38]] {
         let error = begin(Some(pose), Controller::Planner);
@@ -75,14 +75,14 @@ fn what_cannot_begin_says_so() {
 }
 
 #[test]
-fn what_the_camera_does_not_see_is_not_grasped() {
-    let workcell = workcell();
-    let object = Object::built_in("sugar_box").unwrap();
-    // Behind the camera.
-    let away = Some([40.0, 0.0, 0.0]);
+fn attempt_fails_as_not_visible_when_object_is_behind_the_camera() {
+    let context = context();
+    let object = Object::from_catalog("sugar_box").unwrap();
+    let behind_camera = Some([40.0, 0.0, 0.0]);
+    let policy = Controller::Policy;
     let mut attempt =
-        Attempt::begin(&workcell, &object, "sugar_box", away, 0, Controller::Policy).unwrap();
-    let verdict = attempt.run(&workcell);
-    assert_eq!(verdict, Verdict::Failed { reason: Failure::Unseen });
-    assert_eq!(attempt.ticks(), 0, "nothing moves");
+        Attempt::new(&context, &object, "sugar_box", behind_camera, 0, policy).unwrap();
+    let outcome = attempt.run(&context);
+    assert_eq!(outcome, Outcome::Failed { reason: FailureReason::NotVisible });
+    assert_eq!(attempt.ticks(), 0, "the robot moved");
 }

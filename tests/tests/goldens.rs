@@ -1,43 +1,42 @@
-//! The networks against PyTorch in float64 (`tests/golden/networks.py`): what runs, what trains, and the
-//! gradients of what trains.
-
-#![allow(clippy::unwrap_used, reason = "a helper of a test fails by panicking too")]
+//! Networks against PyTorch in float64 (`tests/golden/networks.py`): inference, training forward pass and
+//! gradients.
 
 use candle_core::{Device, Tensor};
 use geometry::Vec3;
+use imitation::backward::Loss;
+use imitation::data_parallel::Gradient;
 use imitation::expert::{self, Gains};
-use imitation::loss::joint_and_tip_error;
+use imitation::loss::joint_and_fingertip_error;
 use imitation::nn::{self, Params, autoencoder, chamfer::Chamfer};
-use imitation::shards::Gradient;
-use imitation::step::Loss;
-use policy::baseline::{self, Baseline, BaselineConfig};
+use policy::acceleration_mlp::{self, AccelerationMlp, AccelerationMlpConfig};
 use policy::encoder::{
-    CLOUD, DECODER_WIDTHS, Decoder, Encoder, GLOBAL_WIDTHS, LATENT, LOCAL_WIDTHS, READOUT_WIDTHS,
+    CLOUD_POINTS, DECODER_WIDTHS, Decoder, Encoder, GLOBAL_WIDTHS, LATENT_DIM, LOCAL_WIDTHS,
+    READOUT_WIDTHS,
 };
 use policy::network::NetworkConfig;
-use policy::ngf::{NgfConfig, PARTS};
+use policy::ngf::{NgfConfig, SUBNETWORKS};
 use policy::weights::Tensors;
-use policy::{Ngf, Observation, PolicyConfig, Whitening};
-use robot::{DOF, JointState, JointVector, Tree};
+use policy::{Ngf, ObservationKind, PolicyConfig, Whitening};
+use robot::{DOF, JointState, JointVector, KinematicTree};
 use serde_json::Value;
 
-/// States in a batch.
+/// Batch size (states).
 const BATCH: usize = 4;
 
-/// Relative to the largest value.
+/// Error tolerance, relative to the largest value.
 const TOLERANCE: f64 = 1e-4;
 
-fn golden(of: &str) -> Value {
+fn golden(network: &str) -> Value {
     let golden: Value = serde_json::from_str(include_str!("../golden/networks.json")).unwrap();
-    golden[of].clone()
+    golden[network].clone()
 }
 
 fn numbers(value: &Value) -> Vec<f64> {
     value.as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect()
 }
 
-/// Multiples of 1/512 in [-1, 1), by name and index; as in the script.
-fn hashed(name: &str, count: usize) -> Vec<f32> {
+/// Pseudo-random multiples of 1/512 in [-1, 1) by name and index, as in the script.
+fn pseudo_random(name: &str, count: usize) -> Vec<f32> {
     let seed = crc32(name.as_bytes()) as u64;
     let hash = |k: u64| {
         let h = (k * 2_654_435_761 + seed) & 0xFFFF_FFFF;
@@ -57,87 +56,87 @@ fn add_layers(params: &mut Params, name: &str, widths: &[usize]) {
         let (inputs, outputs) = (pair[0], pair[1]);
         let scale = (3.0 / inputs as f64).sqrt().log2().ceil().exp2() as f32;
         let (weight, bias) = (format!("{name}.{i}.weight"), format!("{name}.{i}.bias"));
-        let values = hashed(&weight, inputs * outputs).iter().map(|x| x * scale).collect();
+        let values = pseudo_random(&weight, inputs * outputs).iter().map(|x| x * scale).collect();
         params.add(&weight, &[inputs, outputs], values).unwrap();
-        let values = hashed(&bias, outputs).iter().map(|x| x / 8.0).collect();
+        let values = pseudo_random(&bias, outputs).iter().map(|x| x / 8.0).collect();
         params.add(&bias, &[outputs], values).unwrap();
     }
 }
 
-fn assert_close(what: &str, got: &[f64], wanted: &[f64]) {
-    assert_eq!(got.len(), wanted.len(), "{what}");
+fn assert_close(name: &str, got: &[f64], wanted: &[f64]) {
+    assert_eq!(got.len(), wanted.len(), "{name}");
     let size = wanted.iter().map(|x| x.abs()).fold(0.0, f64::max);
-    let off = got.iter().zip(wanted).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-    println!("{what}: within {:.1e} of the largest value, {size:.3}", off / size);
-    assert!(off <= TOLERANCE * size, "{what}: off by {off} of {size}");
+    let error = got.iter().zip(wanted).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    println!("{name}: max error {:.1e} of the largest value, {size:.3}", error / size);
+    assert!(error <= TOLERANCE * size, "{name}: error {error}, largest value {size}");
 }
 
-/// Norm and a few values of the gradient of each parameter.
+/// Compares the norm and sampled values of the gradient of each parameter.
 fn assert_gradients(gradient: &Gradient, params: &Params, wanted: &Value) {
     let mut worst = (0.0f64, "");
-    for (name, of_param) in params.names().zip(&gradient.of_params) {
+    for (name, of_param) in params.names().zip(&gradient.by_param) {
         let wanted = &wanted[name];
         let norm = wanted["norm"].as_f64().unwrap();
         let Some(of_param) = of_param else {
-            // Of a potential only the slope matters, not the height.
+            // A constant offset of the potential has no effect.
             assert_eq!((name, norm), ("potential.3.bias", 0.0));
             continue;
         };
         let flat = of_param.flatten_all().unwrap().to_vec1::<f32>().unwrap();
         let got = flat.iter().map(|g| (*g as f64).powi(2)).sum::<f64>().sqrt();
-        // Relative to the norm: what is small among the entries need not be relatively exact.
-        let mut off = (got - norm).abs() / norm;
+        // Relative to the norm: small entries need no relative accuracy.
+        let mut error = (got - norm).abs() / norm;
         for (at, value) in numbers(&wanted["at"]).iter().zip(numbers(&wanted["values"])) {
-            off = off.max((flat[*at as usize] as f64 - value).abs() / norm);
+            error = error.max((flat[*at as usize] as f64 - value).abs() / norm);
         }
-        if off > worst.0 {
-            worst = (off, name);
+        if error > worst.0 {
+            worst = (error, name);
         }
     }
-    println!("gradients: within {:.1e} of the norm, at worst in {}", worst.0, worst.1);
-    assert!(worst.0 < TOLERANCE, "the gradient of {} is off by {} of its norm", worst.1, worst.0);
+    println!("gradients: max error {:.1e} of the norm, in {}", worst.0, worst.1);
+    assert!(worst.0 < TOLERANCE, "gradient of {}: error of {} of its norm", worst.1, worst.0);
 }
 
-/// States, the first one at rest, and what is told of their objects.
+/// States, the first at rest, and their latents z.
 fn batch() -> (Vec<JointState>, Vec<f32>) {
-    let (q, mut qd) = (hashed("q", BATCH * DOF), hashed("qd", BATCH * DOF));
+    let (q, mut qd) = (pseudo_random("q", BATCH * DOF), pseudo_random("qd", BATCH * DOF));
     qd[..DOF].fill(0.0);
     let vector = |x: &[f32]| JointVector::from_fn(|i, _| x[i] as f64);
     let states = q.chunks_exact(DOF).zip(qd.chunks_exact(DOF));
     let states = states.map(|(q, qd)| JointState { q: vector(q), qd: vector(qd) }).collect();
-    (states, hashed("z", BATCH * LATENT).iter().map(|x| 2.0 * x).collect())
+    (states, pseudo_random("z", BATCH * LATENT_DIM).iter().map(|x| 2.0 * x).collect())
 }
 
-/// The fabric of the golden, with its parameters.
+/// Configuration, parameters and training network of the golden policy.
 fn ngf() -> (NgfConfig, Params, nn::network::Network) {
     let config: NgfConfig = serde_json::from_value(golden("policy")["config"].clone()).unwrap();
     let mut params = Params::default();
-    PARTS.iter().for_each(|part| add_layers(&mut params, part.name, &part.widths(&config)));
+    SUBNETWORKS.iter().for_each(|part| add_layers(&mut params, part.name, &part.widths(&config)));
     let network = NetworkConfig::Ngf(config.clone());
-    let policy = PolicyConfig { observation: Observation::Cloud, network };
-    let limits = Tree::iiwa7_allegro().unwrap().limits;
+    let policy = PolicyConfig { observation: ObservationKind::Cloud, network };
+    let limits = KinematicTree::iiwa7_allegro().unwrap().limits;
     (config, params, nn::network::Network::new(&policy, &limits).unwrap())
 }
 
-/// Gradient of the weighted sum of what a network does.
-fn weighted(made: &Tensor, params: &Params) -> Gradient {
-    let weights = hashed("weights", BATCH * DOF);
+/// Gradient of a weighted sum of the network's accelerations.
+fn weighted_sum_gradient(made: &Tensor, params: &Params) -> Gradient {
+    let weights = pseudo_random("weights", BATCH * DOF);
     let weights = Tensor::from_vec(weights, (BATCH, DOF), &Device::Cpu).unwrap();
     let loss = (made * weights).unwrap().sum_all().unwrap();
-    Gradient::of(&loss, params).unwrap()
+    Gradient::compute(&loss, params).unwrap()
 }
 
 #[test]
-fn the_policy_is_that_of_pytorch() {
+fn policy_matches_pytorch() {
     let golden = golden("policy");
     let (config, params, twin) = ngf();
-    let limits = Tree::iiwa7_allegro().unwrap().limits;
+    let limits = KinematicTree::iiwa7_allegro().unwrap().limits;
     let (states, z) = batch();
-    let latents: Vec<&[f32]> = z.chunks_exact(LATENT).collect();
+    let latents: Vec<&[f32]> = z.chunks_exact(LATENT_DIM).collect();
 
     let bytes = params.export(&[]).unwrap();
-    let runs = Ngf::load(&Tensors::parse(&bytes).unwrap(), &config, LATENT, &limits).unwrap();
-    let made = twin.respond(&params, &states, &latents).unwrap().accelerations;
+    let runs = Ngf::load(&Tensors::parse(&bytes).unwrap(), &config, LATENT_DIM, &limits).unwrap();
+    let made = twin.forward(&params, &states, &latents).unwrap().accelerations;
     let rows = made.to_vec2::<f32>().unwrap();
     for (i, (state, z)) in states.iter().zip(&latents).enumerate() {
         let wanted = numbers(&golden["qdd"][i]);
@@ -147,54 +146,56 @@ fn the_policy_is_that_of_pytorch() {
         assert_close("acceleration in training", &trained, &wanted);
         let slope = runs.outputs(state, z).potential_gradient;
         let slope: Vec<f64> = slope.iter().map(|x| *x as f64).collect();
-        assert_close("slope of the potential", &slope, &numbers(&golden["slope"][i]));
+        assert_close("potential gradient", &slope, &numbers(&golden["slope"][i]));
         let potential = [runs.potential(state, z) as f64];
         assert_close("potential", &potential, &[golden["potential"][i].as_f64().unwrap()]);
     }
-    assert_gradients(&weighted(&made, &params), &params, &golden["gradients"]);
+    assert_gradients(&weighted_sum_gradient(&made, &params), &params, &golden["gradients"]);
 }
 
 #[test]
-fn what_a_policy_learns_from_is_that_of_pytorch() {
+fn training_loss_matches_pytorch() {
     let golden = golden("training");
     let settings = |name: &str| golden["settings"][name].as_f64().unwrap();
-    let tree = Tree::iiwa7_allegro().unwrap();
+    let tree = KinematicTree::iiwa7_allegro().unwrap();
     let (_, params, twin) = ngf();
     let (states, z) = batch();
-    let latents: Vec<&[f32]> = z.chunks_exact(LATENT).collect();
-    let response = twin.respond(&params, &states, &latents).unwrap();
+    let latents: Vec<&[f32]> = z.chunks_exact(LATENT_DIM).collect();
+    let response = twin.forward(&params, &states, &latents).unwrap();
 
     let gains = Gains { position: settings("position"), velocity: settings("velocity") };
-    let targets = hashed("target", BATCH * DOF);
-    let advice = |(state, target): (&JointState, &[f32])| {
+    let targets = pseudo_random("target", BATCH * DOF);
+    let expert_action = |(state, target): (&JointState, &[f32])| {
         let target = JointVector::from_fn(|i, _| target[i] as f64);
         expert::acceleration(&gains, &target, state)
     };
     let wanted: Vec<JointVector> =
-        states.iter().zip(targets.chunks_exact(DOF)).map(advice).collect();
+        states.iter().zip(targets.chunks_exact(DOF)).map(expert_action).collect();
     let at: Vec<JointVector> = states.iter().map(|state| state.q).collect();
-    let (made, weight) = (&response.accelerations, settings("tip_weight"));
-    let loss = joint_and_tip_error(&tree, &at, made, &wanted, weight).unwrap();
-    let Loss { shown, whole } =
-        Loss::with_metrics(loss, &response, settings("metric_weight")).unwrap();
+    let (made, weight) = (&response.accelerations, settings("fingertip_weight"));
+    let loss = joint_and_fingertip_error(&tree, &at, made, &wanted, weight).unwrap();
+    let Loss { reported: shown, total: whole } =
+        Loss::with_metric_penalty(loss, &response, settings("metric_weight")).unwrap();
     let shown = [shown.to_scalar::<f32>().unwrap() as f64];
     assert_close("loss", &shown, &[golden["loss"].as_f64().unwrap()]);
-    assert_gradients(&Gradient::of(&whole, &params).unwrap(), &params, &golden["gradients"]);
+    assert_gradients(&Gradient::compute(&whole, &params).unwrap(), &params, &golden["gradients"]);
 }
 
 #[test]
-fn the_baselines_are_those_of_pytorch() {
-    let limits = Tree::iiwa7_allegro().unwrap().limits;
+fn acceleration_mlps_match_pytorch() {
+    let limits = KinematicTree::iiwa7_allegro().unwrap().limits;
     let (states, z) = batch();
-    let latents: Vec<&[f32]> = z.chunks_exact(LATENT).collect();
+    let latents: Vec<&[f32]> = z.chunks_exact(LATENT_DIM).collect();
     for golden in golden("baselines").as_array().unwrap() {
-        let config: BaselineConfig = serde_json::from_value(golden["config"].clone()).unwrap();
+        let config: AccelerationMlpConfig =
+            serde_json::from_value(golden["config"].clone()).unwrap();
         let mut params = Params::default();
-        add_layers(&mut params, baseline::NAME, &config.widths(LATENT));
+        add_layers(&mut params, acceleration_mlp::TENSOR_PREFIX, &config.widths(LATENT_DIM));
         let bytes = params.export(&[]).unwrap();
         let tensors = Tensors::parse(&bytes).unwrap();
-        let runs = Baseline::load(&tensors, &config, LATENT, &limits).unwrap();
-        let twin = nn::baseline::Baseline::new(&config, LATENT, &limits).unwrap();
+        let runs = AccelerationMlp::load(&tensors, &config, LATENT_DIM, &limits).unwrap();
+        let twin =
+            nn::acceleration_mlp::AccelerationMlp::new(&config, LATENT_DIM, &limits).unwrap();
         let made = twin.accelerations(&params, &states, &latents).unwrap();
         let rows = made.to_vec2::<f32>().unwrap();
         for (i, (state, z)) in states.iter().zip(&latents).enumerate() {
@@ -204,32 +205,32 @@ fn the_baselines_are_those_of_pytorch() {
             let trained: Vec<f64> = rows[i].iter().map(|x| *x as f64).collect();
             assert_close("acceleration in training", &trained, &wanted);
         }
-        assert_gradients(&weighted(&made, &params), &params, &golden["gradients"]);
+        assert_gradients(&weighted_sum_gradient(&made, &params), &params, &golden["gradients"]);
     }
 }
 
 #[test]
-fn the_encoder_is_that_of_pytorch() {
+fn encoder_matches_pytorch() {
     let golden = golden("encoder");
     let mut params = Params::default();
     add_layers(&mut params, "encoder.local", &LOCAL_WIDTHS);
     add_layers(&mut params, "encoder.global", &GLOBAL_WIDTHS);
     add_layers(&mut params, "encoder.readout", &READOUT_WIDTHS);
     add_layers(&mut params, "decoder", &DECODER_WIDTHS);
-    let middle = Vec3::new(0.625, 0.0, -0.125);
-    let cloud: Vec<Vec3> = hashed("cloud", 3 * CLOUD)
+    let center = Vec3::new(0.625, 0.0, -0.125);
+    let cloud: Vec<Vec3> = pseudo_random("cloud", 3 * CLOUD_POINTS)
         .chunks_exact(3)
-        .map(|p| middle + Vec3::new(p[0], p[1], p[2]) / 8.0)
+        .map(|p| center + Vec3::new(p[0], p[1], p[2]) / 8.0)
         .collect();
     let flat = cloud.iter().flat_map(|p| p.to_array()).collect::<Vec<f32>>();
 
     let bytes = params.export(&Whitening::identity().tensors()).unwrap();
     let tensors = Tensors::parse(&bytes).unwrap();
-    let z = Encoder::load(&tensors).unwrap().raw(&cloud).unwrap();
+    let z = Encoder::load(&tensors).unwrap().encode_unwhitened(&cloud).unwrap();
     let wanted = numbers(&golden["z"]);
     assert_close("z", &z.iter().map(|z| *z as f64).collect::<Vec<_>>(), &wanted);
     let decoded = Decoder::load(&tensors).unwrap().decode(&z);
-    let decoded = decoded.into_iter().flat_map(policy::encoder::global_position);
+    let decoded = decoded.into_iter().flat_map(policy::encoder::normalized_position);
     let sample: Vec<f64> = decoded.step_by(21).map(|x| x as f64).collect();
     assert_close("decoded cloud", &sample, &numbers(&golden["decoded"]));
 
@@ -241,5 +242,5 @@ fn the_encoder_is_that_of_pytorch() {
     let loss = made.apply_op2(&targets, Chamfer::default()).unwrap().sum_all().unwrap();
     let chamfer = [loss.to_scalar::<f32>().unwrap() as f64];
     assert_close("chamfer", &chamfer, &[golden["chamfer"].as_f64().unwrap()]);
-    assert_gradients(&Gradient::of(&loss, &params).unwrap(), &params, &golden["gradients"]);
+    assert_gradients(&Gradient::compute(&loss, &params).unwrap(), &params, &golden["gradients"]);
 }

@@ -1,58 +1,63 @@
-//! The native side of `wasm/tests/parity.rs` and `wasm/tests/attempts.rs`: both are held to what is recorded.
+//! Native counterpart of `wasm/tests/parity.rs` and `wasm/tests/attempts.rs`, with the same recordings.
 //!
-//! A change of scene, robot, grasps or planner changes the recording; it is made anew by
-//! `ngf replay tests/golden/episode.json --record sugar_box --seed 0`.
+//! A change of scene, robot, grasps or planner changes the recording. Regenerate it with
+//! `ngf record --object sugar_box --seed 0 --out tests/golden/episode.json`.
 
-use geometry::object::Object;
-use imitation::evaluation::{Report, Row, evaluate};
-use rollout::{Attempt, Controller, Episode, Workcell};
+use evaluation::{AttemptResult, EvaluationReport, evaluate};
+use objects::object::Object;
+use rollout::{Attempt, AttemptRecording, Controller, RolloutContext};
 use std::path::Path;
 
 #[test]
-fn an_attempt_from_its_seed_and_its_recording_end_in_the_same_state() {
-    let episode: Episode = serde_json::from_str(include_str!("../golden/episode.json")).unwrap();
-    let object = Object::built_in(&episode.name).unwrap();
-    let workcell = Workcell::new().unwrap();
-    let (verdict, hash) = episode.replay(&workcell, &object).unwrap();
-    assert_eq!((verdict, &hash), (episode.verdict, &episode.state_hash));
+fn attempt_from_seed_and_replay_have_the_same_final_state() {
+    let recording: AttemptRecording =
+        serde_json::from_str(include_str!("../golden/episode.json")).unwrap();
+    let object = Object::from_catalog(&recording.object_name).unwrap();
+    let context = RolloutContext::new().unwrap();
+    let (outcome, hash) = recording.replay(&context, &object).unwrap();
+    assert_eq!((outcome, &hash), (recording.outcome, &recording.final_state_hash));
 
-    let (name, seed) = (episode.name.as_str(), episode.seed);
+    let (name, seed) = (recording.object_name.as_str(), recording.seed);
     let mut attempt =
-        Attempt::begin(&workcell, &object, name, None, seed, Controller::Planner).unwrap();
-    let verdict = attempt.run(&workcell);
+        Attempt::new(&context, &object, name, None, seed, Controller::Planner).unwrap();
+    let outcome = attempt.run(&context);
     assert!(attempt.scene().steps() >= 1500, "{} physics steps", attempt.scene().steps());
-    assert_eq!((Some(verdict), attempt.state_hash()), (episode.verdict, episode.state_hash));
+    assert_eq!(
+        (Some(outcome), attempt.state_hash()),
+        (recording.outcome, recording.final_state_hash)
+    );
 }
 
-/// Reports of `models/default`, written by `ngf evaluate --model default --object NAME --attempts 50 --json FILE`.
+/// Reports of `models/default`: `ngf evaluate --model default --object NAME --attempts 50 --json FILE`.
 const REPORTS: [&str; 2] = [
     include_str!("../golden/attempts_sugar_box.json"),
     include_str!("../golden/attempts_bleach.json"),
 ];
 
-/// Attempts of each report that are made again here.
+/// Number of attempts of each report that are repeated.
 const ATTEMPTS: usize = 2;
 
 #[test]
-fn attempts_of_the_default_model_end_as_they_did() {
+fn default_model_reproduces_its_recorded_attempts() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../models/default");
     let read = |file: &str| std::fs::read(folder.join(file)).unwrap();
-    let files = ["weights.safetensors", "starts.safetensors", "config.json"].map(read);
-    let mut workcell = Workcell::new().unwrap();
-    let hash = workcell.load_model(&files[0], &files[1], &files[2]).unwrap();
+    let files =
+        ["weights.safetensors", "start_configurations.safetensors", "config.json"].map(read);
+    let mut context = RolloutContext::new().unwrap();
+    let hash = context.load_model(&files[0], &files[1], &files[2]).unwrap();
     for report in REPORTS {
-        let reports: Vec<Report> = serde_json::from_str(report).unwrap();
+        let reports: Vec<EvaluationReport> = serde_json::from_str(report).unwrap();
         let report = &reports[0];
-        assert_eq!(report.model_hash.as_ref(), Some(&hash), "make the reports again");
+        assert_eq!(report.model_hash.as_ref(), Some(&hash), "regenerate the reports");
         assert_eq!(report.attempts, 50);
-        let object = Object::built_in(&report.object).unwrap();
+        let object = Object::from_catalog(&report.object).unwrap();
         let seeds = 0..ATTEMPTS as u64;
         let controller = Controller::Policy;
         let name = &report.object;
         let found =
-            evaluate(&workcell, &object, name, &controller, None, seeds, &|_| Ok(())).unwrap();
+            evaluate(&context, &object, name, &controller, None, seeds, &|_| Ok(())).unwrap();
         for (found, wanted) in found.rows.iter().zip(&report.rows) {
-            let end = |row: &Row| (row.seed, row.verdict, row.state_hash.clone());
+            let end = |row: &AttemptResult| (row.seed, row.outcome, row.final_state_hash.clone());
             assert_eq!(end(found), end(wanted), "{name}");
         }
     }

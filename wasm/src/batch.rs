@@ -1,51 +1,55 @@
-//! Many attempts one after another, as fast as they go.
+//! Batch of attempts, run at full speed.
 
-use crate::protocol::Attempted;
-use crate::stage::Stage;
+use crate::protocol::AttemptFinished;
+use crate::session::Session;
 use crate::statistics::Tally;
 use rollout::{Attempt, RolloutError};
 
-/// Attempts of seeds one after another with what stands on the stage.
+/// Attempts of consecutive seeds with the current object.
 pub(crate) struct Batch {
-    run: u32,
+    id: u32,
     seed: u32,
-    left: u32,
-    /// Its attempts so far.
+    remaining: u32,
+    /// Attempts so far.
     tally: Tally,
     current: Option<Attempt>,
 }
 
 impl Batch {
-    /// So many, from this seed on.
-    pub(crate) fn new(run: u32, seed: u32, attempts: u32) -> Self {
-        Self { run, seed, left: attempts, tally: Tally::default(), current: None }
+    /// `id` is part of the resulting events; `seed` is that of the first attempt.
+    pub(crate) fn new(id: u32, seed: u32, attempts: u32) -> Self {
+        Self { id, seed, remaining: attempts, tally: Tally::default(), current: None }
     }
 
-    /// Its number.
-    pub(crate) fn run(&self) -> u32 {
-        self.run
+    /// Id from the request.
+    pub(crate) fn id(&self) -> u32 {
+        self.id
     }
 
-    /// Whether all are done.
-    pub(crate) fn is_over(&self) -> bool {
-        self.left == 0
+    /// Whether all attempts have ended.
+    pub(crate) fn is_finished(&self) -> bool {
+        self.remaining == 0
     }
 
-    /// A tick of the attempt under way, or the beginning of the next one; says how it ended when it did.
-    pub(crate) fn advance(&mut self, stage: &mut Stage) -> Result<Option<Attempted>, RolloutError> {
+    /// Advances the current attempt by one tick, or starts the next one. Returns the result when an attempt
+    /// ends.
+    pub(crate) fn advance(
+        &mut self,
+        session: &mut Session,
+    ) -> Result<Option<AttemptFinished>, RolloutError> {
         let Some(attempt) = &mut self.current else {
-            if self.left > 0 {
-                self.current = Some(stage.attempt(None, self.seed)?);
+            if self.remaining > 0 {
+                self.current = Some(session.new_attempt(None, self.seed)?);
             }
             return Ok(None);
         };
-        attempt.tick(&stage.workcell);
-        let Some(verdict) = attempt.verdict() else { return Ok(None) };
-        self.tally.count(verdict.is_lifted());
-        let told = stage.attempted(self.run, self.tally, attempt, verdict);
+        attempt.step(&session.context);
+        let Some(outcome) = attempt.outcome() else { return Ok(None) };
+        self.tally.count(outcome.is_lifted());
+        let finished = session.finish_batch_attempt(self.id, self.tally, attempt, outcome);
         self.current = None;
         self.seed = self.seed.wrapping_add(1);
-        self.left -= 1;
-        Ok(Some(told))
+        self.remaining -= 1;
+        Ok(Some(finished))
     }
 }

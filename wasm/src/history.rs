@@ -1,29 +1,30 @@
-//! What an attempt looked like, tick by tick, to be looked at again.
+//! History of an attempt for scrubbing through its ticks.
 //!
-//! In: one picture a tick. Out: the picture that is to be shown: the last one, or an earlier one that was asked for.
+//! In: one snapshot per tick. Out: the snapshot to display, either the last one or the one at the timeline's
+//! tick.
 
 use crate::protocol::Phase;
-use rollout::Moment;
+use rollout::TelemetrySample;
 
-/// How things stood after a tick.
+/// State of the scene after a tick.
 #[derive(Clone, Debug)]
-pub(crate) struct Picture {
-    /// Seven numbers a body.
+pub(crate) struct Snapshot {
+    /// Position and quaternion of each body: seven numbers per body.
     pub(crate) poses: Vec<f32>,
     /// Commanded joint positions (rad).
     pub(crate) joints: Vec<f32>,
-    /// Six numbers for each thing that presses on the object.
+    /// Contact points (m) and forces (N) on the object: six numbers per contact.
     pub(crate) contacts: Vec<f32>,
     pub(crate) phase: Phase,
-    pub(crate) moment: Option<Moment>,
+    pub(crate) telemetry: Option<TelemetrySample>,
 }
 
-/// The pictures of one attempt.
+/// Snapshots of one attempt.
 #[derive(Debug, Default)]
 pub(crate) struct History {
-    pictures: Vec<Picture>,
-    /// Which one is looked at, unless it is the last.
-    at: Option<usize>,
+    snapshots: Vec<Snapshot>,
+    /// Displayed tick while scrubbing; `None` displays the last one.
+    scrub_tick: Option<usize>,
 }
 
 impl History {
@@ -31,64 +32,67 @@ impl History {
         *self = Self::default();
     }
 
-    pub(crate) fn push(&mut self, picture: Picture) {
-        self.pictures.push(picture);
+    pub(crate) fn push(&mut self, snapshot: Snapshot) {
+        self.snapshots.push(snapshot);
     }
 
-    /// How many there are.
+    /// Number of snapshots.
     pub(crate) fn len(&self) -> usize {
-        self.pictures.len()
+        self.snapshots.len()
     }
 
-    /// The moments of all pictures; those that are not known are `found`, by their ticks.
-    pub(crate) fn moments(&mut self, found: impl Fn(usize) -> Moment) -> Vec<Moment> {
-        let known = |(tick, picture): (usize, &mut Picture)| {
-            *picture.moment.get_or_insert_with(|| found(tick))
+    /// Telemetry of all snapshots. Missing samples are computed by `sample_at` from their tick and stored.
+    pub(crate) fn telemetry(
+        &mut self,
+        sample_at: impl Fn(usize) -> TelemetrySample,
+    ) -> Vec<TelemetrySample> {
+        let sample = |(tick, snapshot): (usize, &mut Snapshot)| {
+            *snapshot.telemetry.get_or_insert_with(|| sample_at(tick))
         };
-        self.pictures.iter_mut().enumerate().map(known).collect()
+        self.snapshots.iter_mut().enumerate().map(sample).collect()
     }
 
-    /// Looks at the picture of this tick; beyond the last one, at that.
+    /// Displays the snapshot of this tick, or the last one if there are fewer ticks.
     pub(crate) fn seek(&mut self, tick: usize) {
-        self.at = Some(tick).filter(|tick| *tick < self.last());
+        self.scrub_tick = Some(tick).filter(|tick| *tick < self.last_tick());
     }
 
-    /// Whether an earlier picture is looked at.
-    pub(crate) fn is_behind(&self) -> bool {
-        self.at.is_some()
+    /// Whether an earlier snapshot than the last one is displayed.
+    pub(crate) fn is_scrubbing(&self) -> bool {
+        self.scrub_tick.is_some()
     }
 
-    /// Goes on by a tick.
+    /// Displays the next snapshot.
     pub(crate) fn advance(&mut self) {
         self.seek(self.tick() + 1);
     }
 
-    /// The tick that is looked at.
+    /// Displayed tick.
     pub(crate) fn tick(&self) -> usize {
-        self.at.unwrap_or(self.last())
+        self.scrub_tick.unwrap_or(self.last_tick())
     }
 
-    /// The last tick.
-    pub(crate) fn last(&self) -> usize {
-        self.pictures.len().saturating_sub(1)
+    /// Index of the last tick.
+    pub(crate) fn last_tick(&self) -> usize {
+        self.snapshots.len().saturating_sub(1)
     }
 
-    /// What is to be shown.
-    pub(crate) fn shown(&self) -> Option<&Picture> {
-        self.pictures.get(self.tick())
+    /// Displayed snapshot.
+    pub(crate) fn current(&self) -> Option<&Snapshot> {
+        self.snapshots.get(self.tick())
     }
 
-    /// The phases so far, in their order, each with its first tick. An attempt that fails early leaves some out.
-    pub(crate) fn marks(&self) -> Vec<(Phase, usize)> {
-        let mut marks = Vec::new();
-        let mut before = None;
-        for (tick, picture) in self.pictures.iter().enumerate() {
-            if before != Some(picture.phase) {
-                marks.push((picture.phase, tick));
-                before = Some(picture.phase);
+    /// First tick of each phase so far, in order. An attempt that fails early skips some phases.
+    pub(crate) fn phase_starts(&self) -> Vec<(Phase, usize)> {
+        let mut starts = Vec::new();
+        let mut previous = None;
+        for (tick, snapshot) in self.snapshots.iter().enumerate() {
+            if previous != Some(snapshot.phase) {
+                starts.push((snapshot.phase, tick));
+                previous = Some(snapshot.phase);
             }
         }
-        marks
+        starts
     }
 }
 
@@ -97,58 +101,59 @@ mod tests {
     use super::*;
     use wasm_bindgen_test::wasm_bindgen_test as test;
 
-    fn picture(phase: Phase) -> Picture {
-        Picture { poses: vec![], joints: vec![], contacts: vec![], phase, moment: None }
+    fn snapshot(phase: Phase) -> Snapshot {
+        Snapshot { poses: vec![], joints: vec![], contacts: vec![], phase, telemetry: None }
     }
 
     #[test]
-    fn a_phase_that_was_left_out_has_no_mark() {
+    fn skipped_phase_has_no_start() {
         let mut history = History::default();
-        for phase in [Phase::Approach, Phase::Approach, Phase::Verdict] {
-            history.push(picture(phase));
+        for phase in [Phase::Approach, Phase::Approach, Phase::Outcome] {
+            history.push(snapshot(phase));
         }
-        assert_eq!(history.marks(), [(Phase::Approach, 0), (Phase::Verdict, 2)]);
+        assert_eq!(history.phase_starts(), [(Phase::Approach, 0), (Phase::Outcome, 2)]);
     }
 
     #[test]
-    fn moments_that_nobody_watched_are_found_later() {
-        let moment = |energy: f64| Moment { energy, margin: 0.1, damping: None, terms: None };
+    fn missing_telemetry_is_computed_later() {
+        let sample =
+            |energy: f64| TelemetrySample { energy, limit_margin: 0.1, damping: None, terms: None };
         let mut history = History::default();
-        history.push(picture(Phase::Approach));
-        history.push(Picture { moment: Some(moment(7.0)), ..picture(Phase::Policy) });
-        history.push(picture(Phase::Lift));
+        history.push(snapshot(Phase::Approach));
+        history.push(Snapshot { telemetry: Some(sample(7.0)), ..snapshot(Phase::Policy) });
+        history.push(snapshot(Phase::Lift));
         let energies: Vec<f64> =
-            history.moments(|tick| moment(tick as f64)).iter().map(|m| m.energy).collect();
+            history.telemetry(|tick| sample(tick as f64)).iter().map(|s| s.energy).collect();
         assert_eq!(energies, [0.0, 7.0, 2.0]);
         history.seek(0);
-        assert_eq!(history.shown().unwrap().moment, Some(moment(0.0)));
+        assert_eq!(history.current().unwrap().telemetry, Some(sample(0.0)));
     }
 
     #[test]
-    fn an_earlier_picture_is_shown_and_played_to_the_last() {
+    fn scrubbing_plays_from_earlier_snapshot_to_last() {
         let mut history = History::default();
-        assert!(history.shown().is_none() && !history.is_behind());
+        assert!(history.current().is_none() && !history.is_scrubbing());
         for phase in [Phase::Approach, Phase::Approach, Phase::Policy, Phase::Lift] {
-            history.push(picture(phase));
+            history.push(snapshot(phase));
         }
-        assert_eq!((history.tick(), history.last()), (3, 3));
-        let marks = [(Phase::Approach, 0), (Phase::Policy, 2), (Phase::Lift, 3)];
-        assert_eq!(history.marks(), marks);
+        assert_eq!((history.tick(), history.last_tick()), (3, 3));
+        let starts = [(Phase::Approach, 0), (Phase::Policy, 2), (Phase::Lift, 3)];
+        assert_eq!(history.phase_starts(), starts);
         history.seek(1);
-        assert!(history.is_behind() && history.shown().unwrap().phase == Phase::Approach);
-        // What comes meanwhile moves nothing.
-        history.push(picture(Phase::Lift));
-        assert_eq!((history.tick(), history.last()), (1, 4));
+        assert!(history.is_scrubbing() && history.current().unwrap().phase == Phase::Approach);
+        // New snapshots do not change the displayed one.
+        history.push(snapshot(Phase::Lift));
+        assert_eq!((history.tick(), history.last_tick()), (1, 4));
         for tick in 2..4 {
             history.advance();
-            assert_eq!((history.tick(), history.is_behind()), (tick, true));
+            assert_eq!((history.tick(), history.is_scrubbing()), (tick, true));
         }
         history.advance();
-        assert!(!history.is_behind() && history.tick() == 4);
-        for far in [99, usize::MAX] {
+        assert!(!history.is_scrubbing() && history.tick() == 4);
+        for beyond in [99, usize::MAX] {
             history.seek(1);
-            history.seek(far);
-            assert!(!history.is_behind() && history.tick() == 4);
+            history.seek(beyond);
+            assert!(!history.is_scrubbing() && history.tick() == 4);
         }
     }
 }

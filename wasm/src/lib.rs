@@ -1,23 +1,23 @@
-//! The worker in the browser: the page's messages in, what happens out.
+//! Web Worker of the demo page.
 //!
-//! A thin layer over `rollout`. It fetches the weights, keeps the clock, finds the words, and counts;
-//! it knows nothing of the page but its protocol.
+//! In: requests of the page. Out: events. A thin layer over `rollout` that loads the model, paces the
+//! simulation, generates texts and counts outcomes. It depends on the page only through the message protocol.
 
 mod batch;
 mod clock;
+mod familiarity_text;
 mod fetch;
 mod history;
-mod likeness;
-mod look;
+mod object_import;
 mod protocol;
-mod stage;
+mod robot_visuals;
+mod session;
 mod statistics;
-mod upload;
 mod worker;
 
 use wasm_bindgen::prelude::wasm_bindgen;
 
-/// Answers messages from now on, and says `ready`.
+/// Starts handling messages and posts `ready`.
 #[wasm_bindgen]
 pub fn start() {
     worker::start();

@@ -1,27 +1,27 @@
-//! What the page and its worker say to each other. The same in TypeScript: web/src/demo/protocol.ts.
+//! Messages between the page and its worker. The same in TypeScript: web/src/demo/protocol.ts.
 //!
 //! Metres, radians, kilograms, seconds; z is up; quaternions are x, y, z, w.
 
-mod from_page;
-mod to_page;
+mod event;
+mod request;
 
-pub(crate) use from_page::ToWorker;
-pub(crate) use to_page::{
-    Amount, Attempted, BuiltIn, Cloud, DepthCamera, Failure, File, Found, Frame, FromWorker, Joint,
-    Link, Model, ObjectLoaded, Phase, Played, Progress, Ready, Rectangle, Report, Shape, Table,
-    Verdict,
+pub(crate) use event::{
+    AttemptFinished, BuiltIn, Cloud, DepthCamera, Event, Failure, Frame, GraspsFound, Joint, Link,
+    Model, ObjectInfo, ObjectLoaded, Outcome, Phase, PlaybackInfo, Progress, ProgressUnit, Ready,
+    Rectangle, SavedFile, Shape, Table,
 };
+pub(crate) use request::Request;
 
 use serde::{Deserialize, Serialize};
 
-/// Where somebody pulls at the object (its frame), and where to.
+/// Spring force of the user on the object: attachment point (object frame) and target (world frame).
 #[derive(Clone, Copy, Debug, Deserialize)]
-pub(crate) struct Pull {
+pub(crate) struct Drag {
     pub(crate) point: [f32; 3],
-    pub(crate) towards: [f32; 3],
+    pub(crate) target: [f32; 3],
 }
 
-/// Where an object stands on the table.
+/// Pose of the object on the table.
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq, Serialize)]
 pub(crate) struct PlanarPose {
     pub(crate) x: f32,

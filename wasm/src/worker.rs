@@ -1,12 +1,12 @@
-//! The message loop: what the page asks, the stage does, as fast as the clock says.
+//! Message loop of the Web Worker: dispatches requests to the session and steps it in real time.
 
 use crate::batch::Batch;
 use crate::clock::Clock;
 use crate::fetch;
-use crate::protocol::{Amount, Cloud, Failure, Frame, FromWorker, Model, Progress, ToWorker};
-use crate::stage::{Stage, cannot_begin};
-use crate::upload::{self, Loaded};
-use geometry::brought::Told;
+use crate::object_import::{self, LoadedObject};
+use crate::protocol::{Cloud, Event, Failure, Frame, Model, Progress, ProgressUnit, Request};
+use crate::session::{Session, start_failure};
+use objects::import::ImportOptions;
 use serde::Serialize;
 use serde_wasm_bindgen::Serializer;
 use std::cell::RefCell;
@@ -14,100 +14,105 @@ use wasm_bindgen::JsCast;
 use wasm_bindgen::closure::Closure;
 use web_sys::{DedicatedWorkerGlobalScope, MessageEvent};
 
-/// The page's messages wait at most so long for a batch (ms).
-const SLICE_MS: f64 = 30.0;
+/// Max time that messages wait for a batch (ms).
+const BATCH_SLICE_MS: f64 = 30.0;
 
-/// The model that stands for whichever was chosen.
-const DEFAULT: &str = "default";
+/// Id of the server's default model.
+const DEFAULT_MODEL: &str = "default";
+
+/// Progress text of the start of an attempt.
+const PLANNING: &str = "Capturing the depth image and planning";
 
 struct Worker {
-    stage: Stage,
+    session: Session,
     clock: Clock,
     batch: Option<Batch>,
-    /// Whether a timer will call `wake`.
-    is_awaited: bool,
-    /// How many times a model was asked for: what comes of earlier ones is not wanted any more.
-    wanted: u32,
+    /// Whether a timer will call `on_timer`.
+    is_timer_set: bool,
+    /// Number of the last model request. Downloads of earlier requests are dropped.
+    model_request: u32,
 }
 
 thread_local! {
     static WORKER: RefCell<Option<Worker>> = const { RefCell::new(None) };
 }
 
-/// Sets the scene and listens.
+/// Sets up the session and registers the message handler.
 pub(crate) fn start() {
     std::panic::set_hook(Box::new(|info| {
         let failure = Failure {
-            code: "engine_panicked",
-            cause: format!("The simulation stopped: {info}"),
-            cure: "Restart it. If it happens again, copy this and report it.".into(),
+            code: "worker_panicked",
+            message: format!("The simulation stopped: {info}"),
+            hint: "Restart it. If it happens again, copy this message and report it.".into(),
         };
-        post(&FromWorker::Failure(failure));
+        post(&Event::Failure(failure));
     }));
-    if let Err(failure) = begin() {
-        post(&FromWorker::Failure(failure));
+    if let Err(failure) = init() {
+        post(&Event::Failure(failure));
         return;
     }
-    let listen = Closure::<dyn FnMut(MessageEvent)>::new(|event: MessageEvent| {
+    let on_message = Closure::<dyn FnMut(MessageEvent)>::new(|event: MessageEvent| {
         match serde_wasm_bindgen::from_value(event.data()) {
             Ok(message) => with_worker(|worker| worker.receive(message)),
-            Err(error) => post(&FromWorker::Failure(misunderstood(&error))),
+            Err(error) => post(&Event::Failure(invalid_message(&error))),
         }
     });
-    scope().set_onmessage(Some(listen.into_js_value().unchecked_ref()));
+    scope().set_onmessage(Some(on_message.into_js_value().unchecked_ref()));
 }
 
-fn begin() -> Result<(), Failure> {
-    let stage = Stage::new()?;
-    post(&FromWorker::Ready(stage.ready()?));
-    post(&FromWorker::Object(stage.object()));
-    let worker = Worker { stage, clock: Clock::new(), batch: None, is_awaited: false, wanted: 0 };
-    worker.show();
+fn init() -> Result<(), Failure> {
+    let session = Session::new()?;
+    post(&Event::Ready(session.ready_event()?));
+    post(&Event::Object(session.object_event()));
+    let worker =
+        Worker { session, clock: Clock::new(), batch: None, is_timer_set: false, model_request: 0 };
+    worker.post_frame();
     WORKER.with(|cell| *cell.borrow_mut() = Some(worker));
     Ok(())
 }
 
-async fn fetch_model(id: String, base: String, gently: bool, request: u32) {
-    let is_wanted = || {
-        let mut is_wanted = false;
-        with_worker(|worker| is_wanted = worker.wanted == request);
-        is_wanted
+async fn fetch_model(id: String, base: String, only_if_idle: bool, request: u32) {
+    let is_current = || {
+        let mut is_current = false;
+        with_worker(|worker| is_current = worker.model_request == request);
+        is_current
     };
     let progress = |done, total| {
-        if !is_wanted() {
+        if !is_current() {
             return false;
         }
-        let label = "Fetching the policy".into();
+        let label = "Loading the policy".into();
         let finished = done >= total;
-        let progress = Progress { label, done, total: Some(total), unit: Amount::Bytes, finished };
-        post(&FromWorker::Progress(progress));
+        let progress =
+            Progress { label, done, total: Some(total), unit: ProgressUnit::Bytes, finished };
+        post(&Event::Progress(progress));
         true
     };
-    let fetched = fetch::model(&id, &base, progress).await;
-    if !is_wanted() {
+    let fetched = fetch::fetch_model(&id, &base, progress).await;
+    if !is_current() {
         return;
     }
     let mut is_busy = false;
-    with_worker(|worker| is_busy = worker.batch.is_some() || worker.stage.is_busy());
-    if gently && is_busy {
-        post(&FromWorker::Progress(Progress::end()));
-        // Who acts still does.
-        return with_worker(|worker| post(&FromWorker::Model(worker.model())));
+    with_worker(|worker| is_busy = worker.batch.is_some() || worker.session.is_busy());
+    if only_if_idle && is_busy {
+        post(&Event::Progress(Progress::complete()));
+        // The loaded policy stays.
+        return with_worker(|worker| post(&Event::Model(worker.model_event())));
     }
     let loaded = match fetched {
         Ok(Some(files)) => load_model(&id, &files),
-        // Before anything has been trained there is none, and the planner acts.
-        Ok(None) if id == DEFAULT => Ok(()),
-        Ok(None) => Err(no_model(&id)),
+        // Without any trained model, the planner is used.
+        Ok(None) if id == DEFAULT_MODEL => Ok(()),
+        Ok(None) => Err(model_not_found(&id)),
         Err(failure) => Err(failure),
     };
     if let Err(failure) = loaded {
-        post(&FromWorker::Failure(failure));
+        post(&Event::Failure(failure));
     }
-    post(&FromWorker::Progress(Progress::end()));
+    post(&Event::Progress(Progress::complete()));
     with_worker(|worker| {
-        post(&FromWorker::Model(worker.model()));
-        worker.show();
+        post(&Event::Model(worker.model_event()));
+        worker.post_frame();
     });
 }
 
@@ -115,185 +120,196 @@ fn load_model(id: &str, files: &fetch::ModelFiles) -> Result<(), Failure> {
     let mut loaded = Ok(());
     with_worker(|worker| {
         worker.end_batch();
-        loaded = worker.stage.load_model(id, files);
+        loaded = worker.session.load_model(id, files);
     });
     loaded
 }
 
-fn no_model(id: &str) -> Failure {
+fn model_not_found(id: &str) -> Failure {
     Failure {
-        code: "model_missing",
-        cause: format!("There is no policy \"{id}\" here."),
-        cure: "Choose another one, or train one.".into(),
+        code: "model_not_found",
+        message: format!("Policy \"{id}\" not found."),
+        hint: "Choose another policy, or train one.".into(),
     }
 }
 
 impl Worker {
-    fn receive(&mut self, message: ToWorker) {
-        if matches!(message, ToWorker::Load { .. } | ToWorker::Upload { .. }) {
+    fn receive(&mut self, message: Request) {
+        if matches!(message, Request::LoadObject { .. } | Request::Upload { .. }) {
             self.end_batch();
         }
         match message {
-            ToWorker::Load { object } => self.load(upload::built_in(&object)),
-            ToWorker::Upload { file_name, bytes, .. }
+            Request::LoadObject { object } => {
+                self.show_loaded(object_import::load_built_in(&object))
+            }
+            Request::Upload { file_name, bytes, .. }
                 if file_name.to_ascii_lowercase().ends_with(".json") =>
             {
-                self.play(&file_name, &bytes);
+                self.play_file(&file_name, &bytes);
             }
-            ToWorker::Upload { file_name, bytes, unit, mass_kg, stands } => {
-                let told = Told { unit, mass: mass_kg, stands };
-                let say = |words| post(&FromWorker::Progress(Progress::begin(words)));
-                self.load(upload::read(&file_name, &bytes, told, &self.stage.workcell, &say));
-                post(&FromWorker::Progress(Progress::end()));
+            Request::Upload { file_name, bytes, unit, mass_kg, orientation } => {
+                let options = ImportOptions { unit, mass: mass_kg, orientation };
+                let report = |text| post(&Event::Progress(Progress::indeterminate(text)));
+                let context = &self.session.context;
+                self.show_loaded(object_import::import_mesh(
+                    &file_name, &bytes, options, context, &report,
+                ));
+                post(&Event::Progress(Progress::complete()));
             }
-            ToWorker::Model { id, base, gently } => {
-                self.wanted = self.wanted.wrapping_add(1);
-                wasm_bindgen_futures::spawn_local(fetch_model(id, base, gently, self.wanted));
+            Request::LoadModel { id, base, only_if_idle } => {
+                self.model_request = self.model_request.wrapping_add(1);
+                wasm_bindgen_futures::spawn_local(fetch_model(
+                    id,
+                    base,
+                    only_if_idle,
+                    self.model_request,
+                ));
             }
-            ToWorker::Place { pose } => self.stage.place(pose),
-            ToWorker::RandomPose { seed } => self.stage.place_by_seed(seed),
-            ToWorker::Grasp { seed } => self.grasp(seed),
-            ToWorker::Pause => self.clock.is_running = false,
-            ToWorker::Resume => self.resume(),
-            ToWorker::Step => {
+            Request::Place { pose } => self.session.place(pose),
+            Request::PlaceBySeed { seed } => self.session.place_by_seed(seed),
+            Request::Grasp { seed } => self.grasp(seed),
+            Request::Pause => self.clock.is_running = false,
+            Request::Resume => self.resume(),
+            Request::Step => {
                 self.clock.is_running = false;
                 self.tick(1);
             }
-            ToWorker::Seek { tick } => {
+            Request::Seek { tick } => {
                 self.clock.is_running = false;
-                self.stage.seek(tick);
+                self.session.seek(tick);
             }
-            ToWorker::Watch { on } => {
-                if let Some(moments) = self.stage.watch(on) {
-                    post(&FromWorker::Course { moments });
+            Request::StreamTelemetry { on } => {
+                if let Some(samples) = self.session.stream_telemetry(on) {
+                    post(&Event::Telemetry { samples });
                 }
             }
-            ToWorker::Pull { pull } => {
-                self.stage.pull(pull);
-                // While nothing moved, no time was owed.
-                if !self.is_awaited {
+            Request::Drag { drag } => {
+                self.session.drag(drag);
+                // No backlog accumulated while nothing moved.
+                if !self.is_timer_set {
                     self.clock.restart(now_ms());
                 }
-                self.await_tick();
+                self.schedule_tick();
             }
-            ToWorker::Batch { seed, attempts, run } => {
+            Request::Batch { seed, attempts, batch_id } => {
                 self.end_batch();
-                self.batch = Some(Batch::new(run, seed, attempts));
-                self.await_tick();
+                self.batch = Some(Batch::new(batch_id, seed, attempts));
+                self.schedule_tick();
             }
-            ToWorker::Cancel => self.end_batch(),
-            ToWorker::Search { seed } => self.search(seed),
-            ToWorker::Follow { seed, grasps, object } => {
-                post(&FromWorker::Progress(Progress::begin("Looking and planning")));
-                let begun = self.stage.follow(seed, &grasps, &object);
-                self.set_off(begun);
+            Request::CancelBatch => self.end_batch(),
+            Request::SearchGrasps { seed } => self.search_grasps(seed),
+            Request::PlayGrasps { seed, grasps, object_hash } => {
+                post(&Event::Progress(Progress::indeterminate(PLANNING)));
+                let started = self.session.start_with_grasps(seed, &grasps, &object_hash);
+                self.on_attempt_started(started);
             }
-            ToWorker::Export => {
-                if let Some(file) = self.stage.episode() {
-                    post(&FromWorker::File(file));
+            Request::ExportRecording => {
+                if let Some(file) = self.session.recording_file() {
+                    post(&Event::File(file));
                 }
             }
-            ToWorker::Reset => {
-                self.stage.reset();
+            Request::Reset => {
+                self.session.reset();
                 self.clock.is_running = true;
             }
-            ToWorker::Panic => panic!("the page asked for it"),
-            ToWorker::Speed { factor } => {
+            Request::Panic => panic!("requested by the page"),
+            Request::Speed { factor } => {
                 if factor.is_finite() && factor > 0.0 {
-                    self.clock.factor = factor;
+                    self.clock.speed = factor;
                 }
             }
         }
-        self.show();
+        self.post_frame();
     }
 
-    /// Who acts.
-    fn model(&self) -> Model {
-        let (id, hash) = self.stage.model().cloned().unzip();
-        let words = match &id {
-            Some(id) => format!("Policy \"{id}\" acts."),
-            None => "No policy acts, but the planner, which knows sugar box and bleach.".into(),
+    /// Event about the loaded policy.
+    fn model_event(&self) -> Model {
+        let (id, hash) = self.session.model().cloned().unzip();
+        let text = match &id {
+            Some(id) => format!("Loaded: {id}"),
+            None => "No policy loaded. The planner is used; it supports only sugar box and bleach."
+                .into(),
         };
-        Model { id, hash, words, tally: self.stage.tally() }
+        Model { id, hash, text, tally: self.session.tally() }
     }
 
-    fn load(&mut self, loaded: Result<Loaded, Failure>) {
+    fn show_loaded(&mut self, loaded: Result<LoadedObject, Failure>) {
         match loaded {
             Ok(loaded) => {
-                self.stage.load(loaded);
-                post(&FromWorker::Object(self.stage.object()));
+                self.session.load(loaded);
+                post(&Event::Object(self.session.object_event()));
             }
-            // What stood there still does.
-            Err(failure) => post(&FromWorker::Failure(failure)),
+            // The current object stays.
+            Err(failure) => post(&Event::Failure(failure)),
         }
     }
 
     fn grasp(&mut self, seed: u32) {
-        post(&FromWorker::Progress(Progress::begin("Looking and planning")));
-        let begun = self.stage.begin(seed);
-        self.set_off(begun);
+        post(&Event::Progress(Progress::indeterminate(PLANNING)));
+        let started = self.session.start_grasp(seed);
+        self.on_attempt_started(started);
     }
 
-    fn search(&self, seed: u32) {
-        let progress = |share: f32| {
-            let (label, unit) = ("Searching a grasp".into(), Amount::Steps);
-            let (done, total) = (f64::from(share * 100.0).round(), Some(100.0));
+    fn search_grasps(&self, seed: u32) {
+        let progress = |fraction: f32| {
+            let (label, unit) = ("Searching for a grasp".into(), ProgressUnit::Steps);
+            let (done, total) = (f64::from(fraction * 100.0).round(), Some(100.0));
             let progress = Progress { label, done, total, unit, finished: false };
-            post(&FromWorker::Progress(progress));
+            post(&Event::Progress(progress));
         };
-        let found = self.stage.search(seed, progress);
-        post(&FromWorker::Progress(Progress::end()));
+        let found = self.session.search_grasps(seed, progress);
+        post(&Event::Progress(Progress::complete()));
         match found {
-            Ok(found) => post(&FromWorker::Found(found)),
-            Err(failure) => post(&FromWorker::Failure(failure)),
+            Ok(found) => post(&Event::GraspsFound(found)),
+            Err(failure) => post(&Event::Failure(failure)),
         }
     }
 
-    /// Plays a demonstration or a recorded attempt with the object that it was made for.
-    fn play(&mut self, file_name: &str, bytes: &[u8]) {
-        post(&FromWorker::Progress(Progress::begin(format!("Reading {file_name}"))));
-        let begun = self.stage.play(file_name, bytes);
-        if begun.is_ok() {
-            post(&FromWorker::Object(self.stage.object()));
+    /// Replays a demonstration or a recorded attempt with its object.
+    fn play_file(&mut self, file_name: &str, bytes: &[u8]) {
+        post(&Event::Progress(Progress::indeterminate(format!("Reading {file_name}"))));
+        let started = self.session.play_file(file_name, bytes);
+        if started.is_ok() {
+            post(&Event::Object(self.session.object_event()));
         }
-        self.set_off(begun);
+        self.on_attempt_started(started);
     }
 
-    fn set_off(&mut self, begun: Result<Cloud, Failure>) {
-        post(&FromWorker::Progress(Progress::end()));
-        match begun {
+    fn on_attempt_started(&mut self, started: Result<Cloud, Failure>) {
+        post(&Event::Progress(Progress::complete()));
+        match started {
             Ok(cloud) => {
-                // Where the object stands that is in the cloud.
-                self.show();
-                post(&FromWorker::Cloud(cloud));
+                // The frame with the object pose comes before the cloud at that pose.
+                self.post_frame();
+                post(&Event::Cloud(cloud));
                 self.resume();
-                self.tell_verdict();
+                self.post_outcome();
             }
-            Err(failure) => post(&FromWorker::Failure(failure)),
+            Err(failure) => post(&Event::Failure(failure)),
         }
     }
 
     fn resume(&mut self) {
         self.clock.is_running = true;
         self.clock.restart(now_ms());
-        self.await_tick();
+        self.schedule_tick();
     }
 
-    /// Ticks of the batch for as long as messages may wait.
-    fn work_off(&mut self) {
-        let end = now_ms() + SLICE_MS;
+    /// Runs the batch for up to `BATCH_SLICE_MS`.
+    fn run_batch_slice(&mut self) {
+        let end = now_ms() + BATCH_SLICE_MS;
         while now_ms() < end {
             let Some(batch) = &mut self.batch else { return };
-            match batch.advance(&mut self.stage) {
+            match batch.advance(&mut self.session) {
                 Ok(None) => {}
-                Ok(Some(attempted)) => post(&FromWorker::Attempted(attempted)),
+                Ok(Some(finished)) => post(&Event::AttemptFinished(finished)),
                 Err(error) => {
-                    post(&FromWorker::Failure(cannot_begin(&error)));
+                    post(&Event::Failure(start_failure(&error)));
                     self.end_batch();
                     return;
                 }
             }
-            if batch.is_over() {
+            if batch.is_finished() {
                 self.end_batch();
             }
         }
@@ -301,64 +317,66 @@ impl Worker {
 
     fn end_batch(&mut self) {
         if let Some(batch) = self.batch.take() {
-            post(&FromWorker::BatchOver { run: batch.run() });
+            post(&Event::BatchFinished { batch_id: batch.id() });
         }
     }
 
-    /// Ticks that are due, then the next timer.
-    fn wake(&mut self) {
-        self.is_awaited = false;
-        self.work_off();
-        let due = self.clock.due(now_ms());
-        self.tick(due);
-        if due > 0 {
-            self.show();
+    /// Runs the due ticks, then schedules the next timer.
+    fn on_timer(&mut self) {
+        self.is_timer_set = false;
+        self.run_batch_slice();
+        let ticks = self.clock.ticks_due(now_ms());
+        self.tick(ticks);
+        if ticks > 0 {
+            self.post_frame();
         }
-        self.await_tick();
+        self.schedule_tick();
     }
 
     fn tick(&mut self, count: usize) {
         for _ in 0..count {
-            if !self.stage.is_busy() {
+            if !self.session.is_busy() {
                 return;
             }
-            self.stage.tick();
-            self.tell_verdict();
+            self.session.tick();
+            self.post_outcome();
         }
     }
 
-    fn tell_verdict(&mut self) {
-        if let Some(verdict) = self.stage.count_verdict() {
-            self.show();
-            post(&FromWorker::Verdict(verdict));
+    fn post_outcome(&mut self) {
+        if let Some(outcome) = self.session.take_outcome() {
+            self.post_frame();
+            post(&Event::Outcome(outcome));
         }
     }
 
-    /// A timer for the next tick, while there is something to do.
-    fn await_tick(&mut self) {
-        let is_playing = self.clock.is_running && self.stage.is_busy();
-        if self.is_awaited || !(is_playing || self.batch.is_some()) {
+    /// Schedules the next tick while an attempt or a batch is running.
+    fn schedule_tick(&mut self) {
+        let is_playing = self.clock.is_running && self.session.is_busy();
+        if self.is_timer_set || !(is_playing || self.batch.is_some()) {
             return;
         }
-        let wake = Closure::once_into_js(|| with_worker(Worker::wake));
+        let on_timer = Closure::once_into_js(|| with_worker(Worker::on_timer));
         let wait_ms = if self.batch.is_some() { 0 } else { self.clock.wait_ms() as i32 };
-        let timer = scope()
-            .set_timeout_with_callback_and_timeout_and_arguments_0(wake.unchecked_ref(), wait_ms);
-        self.is_awaited = timer.is_ok();
+        let timer = scope().set_timeout_with_callback_and_timeout_and_arguments_0(
+            on_timer.unchecked_ref(),
+            wait_ms,
+        );
+        self.is_timer_set = timer.is_ok();
     }
 
-    fn show(&self) {
-        let is_busy = self.stage.is_busy();
-        post(&FromWorker::Frame(Frame {
+    fn post_frame(&self) {
+        let is_busy = self.session.is_busy();
+        post(&Event::Frame(Frame {
             running: self.clock.is_running,
-            factor: self.clock.factor,
-            measured: self.clock.measured().filter(|_| is_busy),
-            ..self.stage.frame()
+            speed: self.clock.speed,
+            realtime_factor: self.clock.realtime_factor().filter(|_| is_busy),
+            ..self.session.frame()
         }));
     }
 }
 
-/// Does something with the worker, once it is there.
+/// Calls `act` with the worker, if it is initialised.
 fn with_worker(act: impl FnOnce(&mut Worker)) {
     WORKER.with(|cell| {
         if let Ok(mut worker) = cell.try_borrow_mut()
@@ -369,19 +387,19 @@ fn with_worker(act: impl FnOnce(&mut Worker)) {
     });
 }
 
-fn post(message: &FromWorker) {
+fn post(message: &Event) {
     let serializer = Serializer::new().serialize_missing_as_null(true);
-    // A message that cannot be written or sent has nobody left to be told.
+    // A failure to serialise or post a message cannot be reported, since reports are messages too.
     if let Ok(message) = message.serialize(&serializer) {
         scope().post_message(&message).ok();
     }
 }
 
-fn misunderstood(error: &serde_wasm_bindgen::Error) -> Failure {
+fn invalid_message(error: &serde_wasm_bindgen::Error) -> Failure {
     Failure {
-        code: "message_misunderstood",
-        cause: format!("The page asked for something unknown: {error}."),
-        cure: "Reload the page: it may be older than its worker.".into(),
+        code: "invalid_message",
+        message: format!("The worker received an invalid message: {error}."),
+        hint: "Reload the page; it may be older than its worker.".into(),
     }
 }
 

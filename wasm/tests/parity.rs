@@ -1,37 +1,39 @@
-//! The same attempt, bit for bit, in the browser as natively: `tests/tests/parity.rs` holds the native
-//! side to the same file.
+//! Parity of a recorded attempt: the browser reproduces it bit for bit. `tests/tests/parity.rs` checks the
+//! native side against the same file.
 
 #![cfg(target_arch = "wasm32")]
 
-use geometry::object::Object;
-use rollout::{Attempt, Controller, Episode, Workcell};
+use objects::object::Object;
+use rollout::{Attempt, AttemptRecording, Controller, RolloutContext};
 use wasm_bindgen_test::{wasm_bindgen_test, wasm_bindgen_test_configure};
 
 wasm_bindgen_test_configure!(run_in_dedicated_worker);
 
-fn recorded() -> Episode {
-    serde_json::from_str(include_str!("../../tests/golden/episode.json"))
-        .expect("a recorded episode")
+fn recorded() -> AttemptRecording {
+    serde_json::from_str(include_str!("../../tests/golden/episode.json")).expect("a recording")
 }
 
 #[wasm_bindgen_test]
-fn a_recorded_episode_ends_in_the_same_state() {
-    let episode = recorded();
-    let object = Object::built_in(&episode.name).expect("a built-in object");
-    let workcell = Workcell::new().expect("a scene");
-    let (verdict, hash) = episode.replay(&workcell, &object).expect("a replay");
-    assert_eq!((verdict, hash), (episode.verdict, episode.state_hash));
+fn replayed_recording_reproduces_final_state() {
+    let recording = recorded();
+    let object = Object::from_catalog(&recording.object_name).expect("a built-in object");
+    let context = RolloutContext::new().expect("a scene");
+    let (outcome, hash) = recording.replay(&context, &object).expect("a replay");
+    assert_eq!((outcome, hash), (recording.outcome, recording.final_state_hash));
 }
 
 #[wasm_bindgen_test]
-fn an_attempt_from_its_seed_ends_in_the_same_state() {
-    let episode = recorded();
-    let object = Object::built_in(&episode.name).expect("a built-in object");
-    let workcell = Workcell::new().expect("a scene");
-    let (name, seed) = (episode.name.as_str(), episode.seed);
-    let mut attempt = Attempt::begin(&workcell, &object, name, None, seed, Controller::Planner)
-        .expect("an attempt");
-    let verdict = attempt.run(&workcell);
+fn attempt_from_seed_reproduces_recording() {
+    let recording = recorded();
+    let object = Object::from_catalog(&recording.object_name).expect("a built-in object");
+    let context = RolloutContext::new().expect("a scene");
+    let (name, seed) = (recording.object_name.as_str(), recording.seed);
+    let mut attempt =
+        Attempt::new(&context, &object, name, None, seed, Controller::Planner).expect("an attempt");
+    let outcome = attempt.run(&context);
     assert!(attempt.scene().steps() >= 1500, "{} physics steps", attempt.scene().steps());
-    assert_eq!((Some(verdict), attempt.state_hash()), (episode.verdict, episode.state_hash));
+    assert_eq!(
+        (Some(outcome), attempt.state_hash()),
+        (recording.outcome, recording.final_state_hash)
+    );
 }

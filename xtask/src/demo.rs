@@ -1,16 +1,16 @@
-//! `demo`: build, then hand over to the `ngf` program.
+//! `demo`: build, then execute `ngf serve`.
 
-use crate::page;
-use crate::place::{self, Place};
-use crate::stamp::timed;
+use crate::build_cache::timed;
 use crate::tools;
+use crate::web_build;
+use crate::workspace::{self, Workspace};
 use anyhow::{Context, Result, bail};
 use std::process::Command;
 
-/// How the page is served.
+/// Options of `cargo xtask demo`.
 #[derive(clap::Args)]
 pub(crate) struct Options {
-    /// Port on 127.0.0.1.
+    /// TCP port on 127.0.0.1.
     #[arg(long, default_value_t = 8787)]
     port: u16,
     /// Do not open a browser.
@@ -18,44 +18,44 @@ pub(crate) struct Options {
     no_open: bool,
 }
 
-/// Builds what is not built, then serves until stopped.
-pub(crate) fn run(place: &Place, options: &Options) -> Result<()> {
-    build(place)?;
+/// Builds page and server, then serves until the process is stopped.
+pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<()> {
+    build(workspace)?;
     let port = options.port.to_string();
-    let data = place.target.join("demo");
-    let mut serve = place.command(place.program("ngf"), &["serve", "--port", &port]);
-    serve.arg("--data").arg(data);
+    let data = workspace.target.join("demo");
+    let mut serve = workspace.command(workspace.program("ngf"), &["serve", "--port", &port]);
+    serve.arg("--data-dir").arg(data);
     if !options.no_open {
         serve.arg("--open");
     }
     become_program(&mut serve)
 }
 
-/// Page and server side by side: the page's longest step is one thread of the linker.
-pub(crate) fn build(place: &Place) -> Result<()> {
-    // What is missing is told before anything that takes minutes.
-    tools::node(place)?;
-    tools::wasm_target(place)?;
-    let mut cargo = place.cargo(&["build", "-p", "ngf"]);
+/// Builds page and server in parallel: the longest step of the page is the single-threaded linker.
+pub(crate) fn build(workspace: &Workspace) -> Result<()> {
+    // Missing tools are reported before builds that take minutes.
+    tools::node(workspace)?;
+    tools::wasm_target(workspace)?;
+    let mut cargo = workspace.cargo(&["build", "-p", "ngf"]);
     let mut server = cargo.spawn().context("cannot run cargo")?;
-    let page = page::build(place);
+    let page = web_build::build(workspace);
     let status = timed("server", || Ok(server.wait()?))?;
     page?;
     if !status.success() {
-        bail!("`{}` failed ({status})", place::name(&cargo));
+        bail!("`{}` failed ({status})", workspace::display(&cargo));
     }
     Ok(())
 }
 
-/// Replaces this process, so that signals reach the program itself.
+/// Replaces this process, so that signals reach the program directly.
 #[cfg(unix)]
 fn become_program(command: &mut Command) -> Result<()> {
     use std::os::unix::process::CommandExt;
     let error = command.exec();
-    Err(error).with_context(|| format!("cannot run {}", place::name(command)))
+    Err(error).with_context(|| format!("cannot run {}", workspace::display(command)))
 }
 
 #[cfg(not(unix))]
 fn become_program(command: &mut Command) -> Result<()> {
-    place::run(command)
+    workspace::run(command)
 }

@@ -1,24 +1,24 @@
-//! The project's own commands: `cargo xtask demo | check | test | prove | bench`.
+//! Project commands: `cargo xtask demo | check | test | stress | bench`.
 //!
-//! Installs what is missing, builds in the right order, skips what has not changed.
+//! They install missing tools, build in dependency order, and skip unchanged steps.
 
 mod bench;
+mod build_cache;
+mod checks;
 mod chromium;
 mod demo;
-mod page;
-mod place;
 mod python;
-mod stages;
-mod stamp;
-mod tally;
+mod test_count;
 mod tools;
+mod web_build;
+mod workspace;
 
 use clap::{Parser, Subcommand};
-use place::Place;
 use std::path::PathBuf;
 use std::process::ExitCode;
+use workspace::Workspace;
 
-/// Commands of this project.
+/// Build, test and benchmark this project.
 #[derive(Parser)]
 #[command(name = "cargo xtask", bin_name = "cargo xtask")]
 struct Cli {
@@ -28,38 +28,40 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Build everything and serve the page.
+    /// Build everything and serve the web page.
     Demo(demo::Options),
-    /// Format, lints, quick tests, types: before every commit.
+    /// Build the page into web/dist, which can be hosted as static files.
+    Page,
+    /// Check format, lints, native tests and types; run before every commit.
     Check,
-    /// Everything that CI runs, in the browser too; ends with a count.
+    /// Run all CI checks, including browser tests, and print the number of test cases.
     Test,
-    /// What takes longer, all of it or what is named: attempts in the browser, bit for bit as natively; violent ends of
-    /// jobs and a crowd of readers; requests of every kind; mutated files.
-    Prove {
-        #[arg(value_name = "PROOF")]
-        proofs: Vec<stages::Proof>,
+    /// Run long checks: browser parity, job crashes and load, API fuzzing, file fuzzing. Default: all.
+    Stress {
+        #[arg(value_name = "CHECK")]
+        checks: Vec<checks::LongCheck>,
     },
-    /// Measure; fails where the page exceeds its budgets.
+    /// Run benchmarks; fails if the page exceeds its budgets.
     Bench {
-        /// Also write the rows to this file.
+        /// Also write the results to this JSON file.
         #[arg(long, value_name = "FILE")]
         json: Option<PathBuf>,
-        /// Beside what others need for the same: MuJoCo and PyTorch, from PyPI.
+        /// Also measure the baselines MuJoCo and PyTorch (installed from PyPI).
         #[arg(long)]
-        peers: bool,
+        baselines: bool,
     },
 }
 
 fn main() -> ExitCode {
-    let done = Place::find().and_then(|place| match Cli::parse().command {
-        Command::Demo(options) => demo::run(&place, &options).map(|()| true),
-        Command::Check => stages::check(&place),
-        Command::Test => stages::test(&place),
-        Command::Prove { proofs } => stages::prove(&place, &proofs),
-        Command::Bench { json, peers } => bench::run(&place, json.as_deref(), peers),
+    let result = Workspace::find().and_then(|workspace| match Cli::parse().command {
+        Command::Demo(options) => demo::run(&workspace, &options).map(|()| true),
+        Command::Page => web_build::build(&workspace).map(|()| true),
+        Command::Check => checks::check(&workspace),
+        Command::Test => checks::test(&workspace),
+        Command::Stress { checks } => checks::stress(&workspace, &checks),
+        Command::Bench { json, baselines } => bench::run(&workspace, json.as_deref(), baselines),
     });
-    match done {
+    match result {
         Ok(true) => ExitCode::SUCCESS,
         Ok(false) => ExitCode::FAILURE,
         Err(error) => {

@@ -1,34 +1,35 @@
-//! What must be there before anything is built.
+//! Tools that must be installed before a build.
 
+use crate::build_cache::CachedStep;
 use crate::chromium;
-use crate::place::{Place, read, run};
-use crate::stamp::Step;
+use crate::workspace::{Workspace, output_of, run};
 use anyhow::{Context, Result, bail};
 use std::path::Path;
 use std::process::Command;
 
-/// Node releases that Vite runs on.
+/// Node versions that Vite supports.
 const NODE: &str = "^20.19 or >= 22.12";
 
-/// The target of the worker's build; rustup fetches it where it is missing.
-pub(crate) fn wasm_target(place: &Place) -> Result<()> {
-    let sysroot = read(&mut place.command("rustc", &["--print", "sysroot"]))?;
+/// Installs the wasm target with rustup if it is missing.
+pub(crate) fn wasm_target(workspace: &Workspace) -> Result<()> {
+    let sysroot = output_of(&mut workspace.command("rustc", &["--print", "sysroot"]))?;
     if Path::new(&sysroot).join("lib/rustlib/wasm32-unknown-unknown/lib").is_dir() {
         return Ok(());
     }
-    run(&mut place.command("rustup", &["target", "add", "wasm32-unknown-unknown"]))
-        .context("install rustup (https://rustup.rs), or the target wasm32-unknown-unknown")
+    run(&mut workspace.command("rustup", &["target", "add", "wasm32-unknown-unknown"])).context(
+        "cannot add the target; install rustup (https://rustup.rs) or wasm32-unknown-unknown",
+    )
 }
 
-/// A Node that is new enough.
-pub(crate) fn node(place: &Place) -> Result<()> {
-    let version = read(&mut place.command("node", &["--version"]))
+/// Checks that a supported Node and npm are installed.
+pub(crate) fn node(workspace: &Workspace) -> Result<()> {
+    let version = output_of(&mut workspace.command("node", &["--version"]))
         .with_context(|| format!("install Node {NODE} with npm"))?;
     if !node_suffices(&version) {
-        bail!("Node {version} is too old: install Node {NODE}");
+        bail!("Node {version} is not supported; install Node {NODE}");
     }
-    // Debian packs it apart from Node.
-    read(&mut place.npm(&place.root, &["--version"]))
+    // On Debian, npm is a separate package.
+    output_of(&mut workspace.npm(&workspace.root, &["--version"]))
         .context("install npm (on Debian: apt-get install npm)")?;
     Ok(())
 }
@@ -43,25 +44,25 @@ fn node_suffices(version: &str) -> bool {
     }
 }
 
-/// The packages that a folder's lock file names.
-pub(crate) fn npm_packages(place: &Place, name: &str, folder: &Path) -> Result<()> {
-    let step = Step {
+/// Installs the npm packages of the lock file in `folder`.
+pub(crate) fn npm_packages(workspace: &Workspace, name: &str, folder: &Path) -> Result<()> {
+    let step = CachedStep {
         name,
         inputs: vec![folder.join("package-lock.json"), folder.join("package.json")],
         output: folder.join("node_modules"),
     };
-    step.run(place, || run(&mut place.npm(folder, &["ci", "--no-audit", "--no-fund"])))
+    step.run(workspace, || run(&mut workspace.npm(folder, &["ci", "--no-audit", "--no-fund"])))
 }
 
-/// A script of `tests/browser`, in Chromium and with the page that the built `ngf` serves.
-pub(crate) fn browser(place: &Place, script: &str) -> Result<Command> {
-    let chromium = chromium::find(place)?;
-    let folder = place.browser_tests();
-    npm_packages(place, "browser-packages", &folder)?;
-    let mut npm = place.npm(&folder, &["run", "--silent", script]);
+/// An npm script of `tests/browser`, with Chromium and the page served by the built `ngf`.
+pub(crate) fn browser(workspace: &Workspace, script: &str) -> Result<Command> {
+    let chromium = chromium::find(workspace)?;
+    let folder = workspace.browser_tests();
+    npm_packages(workspace, "browser-packages", &folder)?;
+    let mut npm = workspace.npm(&folder, &["run", "--silent", script]);
     npm.env("CHROMIUM", chromium.browser)
-        .env("NGF", place.program("ngf"))
-        .env("SCREENSHOTS", place.target.join("screenshots"));
+        .env("NGF", workspace.program("ngf"))
+        .env("SCREENSHOTS", workspace.target.join("screenshots"));
     Ok(npm)
 }
 
@@ -70,7 +71,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn node_is_new_enough_for_vite() {
+    fn node_versions_match_the_support_of_vite() {
         for good in ["v20.19.0", "v20.20.2", "v22.12.0", "v24.0.0"] {
             assert!(node_suffices(good), "{good}");
         }

@@ -1,51 +1,51 @@
-//! Point clouds of objects, as the camera measures them: with its noise, and without.
+//! Point clouds of objects from the simulated depth sensor, with and without noise.
 
-use crate::part::{CLOUD, Part};
-use crate::poses::{draw_turn, turned};
-use crate::store;
+use crate::poses::{rotate_pose, sample_azimuth};
+use crate::shard::{CLOUD_POINTS, PoseShard};
 use anyhow::{Result, ensure};
+use files::tensors;
 use geometry::Pose;
-use geometry::object::Object;
-use grasps::{Robot, place};
+use grasps::{RobotContext, object_poses};
+use objects::object::Object;
 use rand::Rng;
 use scene::camera::DepthImage;
-use scene::cloud::Eye;
+use scene::depth_sensor::DepthSensor;
 
-/// The camera before the robot.
-pub(crate) struct Viewer<'a> {
-    pub(crate) robot: &'a Robot,
-    pub(crate) eye: Eye,
+/// Renders point clouds with the depth sensor of the scene.
+pub(crate) struct CloudRenderer<'a> {
+    pub(crate) robot: &'a RobotContext,
+    pub(crate) sensor: DepthSensor,
 }
 
-impl<'a> Viewer<'a> {
-    pub(crate) fn new(robot: &'a Robot) -> Self {
-        Self { robot, eye: Eye::new(&robot.config, &robot.tree) }
+impl<'a> CloudRenderer<'a> {
+    pub(crate) fn new(robot: &'a RobotContext) -> Self {
+        Self { robot, sensor: DepthSensor::new(&robot.config, &robot.tree) }
     }
 
-    /// Draws bearings for an object pose and adds the clouds there to `part`.
-    pub(crate) fn look_around(
+    /// Samples azimuths for an object pose and adds the clouds at each of them to `shard`.
+    pub(crate) fn render_azimuths(
         &self,
         object: &Object,
         [turns, clouds]: [usize; 2],
-        part: &mut Part,
+        shard: &mut PoseShard,
         rng: &mut impl Rng,
     ) -> Result<()> {
-        part.turns = std::iter::once(0.0)
-            .chain((1..turns).map(|_| draw_turn(self.robot, part.pose, rng)))
+        shard.azimuths = std::iter::once(0.0)
+            .chain((1..turns).map(|_| sample_azimuth(self.robot, shard.pose, rng)))
             .collect();
-        for turn in &part.turns {
-            let pose = turned(part.pose, *turn);
-            part.clean.extend(self.clean(object, pose)?);
+        for turn in &shard.azimuths {
+            let pose = rotate_pose(shard.pose, *turn);
+            shard.clean.extend(self.render_clean(object, pose)?);
             for _ in 0..clouds {
-                part.noisy.extend(self.noisy(object, pose, rng)?);
+                shard.noisy.extend(self.render_noisy(object, pose, rng)?);
             }
         }
         Ok(())
     }
 
-    /// Bytes of `count` clouds of an object anywhere on the table, as the encoder learns from: noisy, without
-    /// noise, and the poses x, y (m), yaw (rad).
-    pub(crate) fn anywhere(
+    /// Encodes `count` clouds of an object at random poses on the table, the training data of the encoder:
+    /// noisy clouds, clean clouds, and the poses x, y (m), yaw (rad).
+    pub(crate) fn render_random_poses(
         &self,
         object: &Object,
         count: usize,
@@ -53,41 +53,51 @@ impl<'a> Viewer<'a> {
     ) -> Result<Vec<u8>> {
         let (mut noisy, mut clean, mut poses) = (vec![], vec![], vec![]);
         for _ in 0..count {
-            let pose = place::random_pose(self.robot, rng);
+            let pose = object_poses::sample_planar_pose(self.robot, rng);
             poses.extend(pose);
-            clean.extend(self.clean(object, pose)?);
-            noisy.extend(self.noisy(object, pose, rng)?);
+            clean.extend(self.render_clean(object, pose)?);
+            noisy.extend(self.render_noisy(object, pose, rng)?);
         }
-        store::encode(
+        tensors::encode(
             &[
-                ("noisy", vec![count, CLOUD, 3], &noisy),
-                ("clean", vec![count, CLOUD, 3], &clean),
+                ("noisy", vec![count, CLOUD_POINTS, 3], &noisy),
+                ("clean", vec![count, CLOUD_POINTS, 3], &clean),
                 ("poses", vec![count, 3], &poses),
             ],
             None,
         )
     }
 
-    fn clean(&self, object: &Object, pose: [f32; 3]) -> Result<Vec<f32>> {
-        let frame = self.eye.clean_frame(&object.mesh, &self.place(pose));
-        self.cloud(object, pose, &frame)
+    fn render_clean(&self, object: &Object, pose: [f32; 3]) -> Result<Vec<f32>> {
+        let frame = self.sensor.render(&object.mesh, &self.object_pose(pose));
+        self.extract_cloud(object, pose, &frame)
     }
 
-    fn noisy(&self, object: &Object, pose: [f32; 3], rng: &mut impl Rng) -> Result<Vec<f32>> {
-        let frame = self.eye.frame(&object.mesh, &self.place(pose), rng);
-        self.cloud(object, pose, &frame)
+    fn render_noisy(
+        &self,
+        object: &Object,
+        pose: [f32; 3],
+        rng: &mut impl Rng,
+    ) -> Result<Vec<f32>> {
+        let frame = self.sensor.capture(&object.mesh, &self.object_pose(pose), rng);
+        self.extract_cloud(object, pose, &frame)
     }
 
-    fn place(&self, [x, y, yaw]: [f32; 3]) -> Pose {
-        self.robot.config.upright(x, y, yaw)
+    fn object_pose(&self, [x, y, yaw]: [f32; 3]) -> Pose {
+        self.robot.config.object_pose(x, y, yaw)
     }
 
-    /// The cloud of one frame, points one after another.
-    fn cloud(&self, object: &Object, [x, y, _]: [f32; 3], frame: &DepthImage) -> Result<Vec<f32>> {
-        let cloud = self.eye.cloud(frame);
+    /// Point cloud of one frame as a flat array of x, y, z.
+    fn extract_cloud(
+        &self,
+        object: &Object,
+        [x, y, _]: [f32; 3],
+        frame: &DepthImage,
+    ) -> Result<Vec<f32>> {
+        let cloud = self.sensor.extract_cloud(frame);
         ensure!(
-            cloud.len() == CLOUD,
-            "the camera does not see {} at x {x}, y {y}: is it too small?",
+            cloud.len() == CLOUD_POINTS,
+            "the depth sensor does not see {} at x {x}, y {y}; the object may be too small",
             object.name
         );
         Ok(cloud.iter().flat_map(|p| p.to_array()).collect())

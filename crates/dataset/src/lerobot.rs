@@ -1,54 +1,59 @@
-//! LeRobot's layout, version 3: rows of all episodes in Parquet, and what `meta` says about them.
+//! LeRobot layout, version 3: rows of all episodes in Parquet files, and their metadata in `meta`.
 //!
-//! <https://huggingface.co/docs/lerobot/lerobot-dataset-v3>. Columns beyond the layout's are ours.
+//! <https://huggingface.co/docs/lerobot/lerobot-dataset-v3>. Additional columns are specific to this project.
 
-use crate::part::{Attempt, Part, STATE};
-use crate::store;
-use crate::table::{self, Column, Columns};
+use crate::parquet_io::{self, Column, Columns};
+use crate::shard::{DemoTrial, PoseShard, STATE_DIM};
 use anyhow::Result;
-use robot::{DOF, Tree};
-use scene::config::CONTROL_PERIOD;
+use files::atomic_file;
+use robot::{DOF, KinematicTree};
+use scene::config::CONTROL_DT;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
-/// Rows a second.
+/// Rows per second.
 const FPS: usize = 30;
 
-/// Numbers in an action: joint accelerations and the joint positions that they lead to.
-pub(crate) const ACTION: usize = 2 * DOF;
+/// Dimension of an action: joint accelerations, then the joint positions they lead to.
+pub(crate) const ACTION_DIM: usize = 2 * DOF;
 
-/// Path of a file of rows.
-pub(crate) fn data_path(dir: &Path, file: usize) -> PathBuf {
+/// Path of a Parquet file with rows of episodes.
+pub(crate) fn data_file_path(dir: &Path, file: usize) -> PathBuf {
     dir.join("data/chunk-000").join(format!("file-{file:03}.parquet"))
 }
 
-/// Where an episode stands in the dataset.
-pub(crate) struct Episode<'a> {
+/// Location of an episode in the dataset.
+pub(crate) struct EpisodeIndex<'a> {
     pub(crate) object: usize,
     pub(crate) pose: usize,
-    pub(crate) part: &'a Part,
-    pub(crate) attempt: &'a Attempt,
-    /// File of its rows.
+    pub(crate) shard: &'a PoseShard,
+    pub(crate) trial: &'a DemoTrial,
+    /// Index of its Parquet file.
     pub(crate) file: usize,
-    /// First row in the dataset, and number of rows.
+    /// First row in the dataset, then number of rows.
     pub(crate) rows: [usize; 2],
 }
 
-/// Rows of all demonstrations at one pose, the first of which is episode `episode` and begins at row `row` of
-/// the dataset.
-pub(crate) fn rows(part: &Part, object: usize, episode: usize, row: usize) -> Columns {
-    let count = part.rows();
+/// Rows of all demonstrations at one pose. The first demonstration is episode `episode` and starts at row
+/// `row` of the dataset.
+pub(crate) fn frame_columns(
+    shard: &PoseShard,
+    object: usize,
+    episode: usize,
+    row: usize,
+) -> Columns {
+    let count = shard.num_rows();
     let (mut frame, mut episodes) = (Vec::with_capacity(count), Vec::with_capacity(count));
-    for (k, span) in part.offsets.windows(2).enumerate() {
+    for (k, span) in shard.offsets.windows(2).enumerate() {
         frame.extend(0..(span[1] - span[0]) as i64);
         episodes.extend(std::iter::repeat_n((episode + k) as i64, span[1] - span[0]));
     }
-    let timestamp = frame.iter().map(|i| (*i as f64 * CONTROL_PERIOD) as f32).collect();
-    let pairs = part.accelerations.chunks_exact(DOF).zip(part.targets.chunks_exact(DOF));
+    let timestamp = frame.iter().map(|i| (*i as f64 * CONTROL_DT) as f32).collect();
+    let pairs = shard.accelerations.chunks_exact(DOF).zip(shard.targets.chunks_exact(DOF));
     let action = pairs.flat_map(|(qdd, target)| [qdd, target].concat()).collect();
     vec![
-        ("observation.state", Column::Vectors(part.states.clone(), STATE)),
-        ("action", Column::Vectors(action, ACTION)),
+        ("observation.state", Column::Vectors(shard.states.clone(), STATE_DIM)),
+        ("action", Column::Vectors(action, ACTION_DIM)),
         ("timestamp", Column::Floats(timestamp)),
         ("frame_index", Column::Integers(frame)),
         ("episode_index", Column::Integers(episodes)),
@@ -57,32 +62,32 @@ pub(crate) fn rows(part: &Part, object: usize, episode: usize, row: usize) -> Co
     ]
 }
 
-/// What is asked for in the episodes with an object.
+/// Task description of the episodes with an object.
 fn task(object: &str) -> String {
     format!("lift the {}", object.replace('_', " "))
 }
 
-/// Writes what `meta` says about the episodes.
+/// Writes the metadata files in `meta`.
 pub(crate) fn write_meta(
     dir: &Path,
-    tree: &Tree,
+    tree: &KinematicTree,
     objects: &[String],
-    episodes: &[Episode],
-    stats: &[Moments; 2],
+    episodes: &[EpisodeIndex],
+    stats: &[ColumnStats; 2],
 ) -> Result<()> {
     let frames: usize = episodes.iter().map(|episode| episode.rows[1]).sum();
     let info = info(tree, objects.len(), episodes.len(), frames);
     let pretty = |value: &Value| serde_json::to_vec_pretty(value);
-    store::write(&dir.join("meta/info.json"), &pretty(&info)?)?;
+    atomic_file::write(&dir.join("meta/info.json"), &pretty(&info)?)?;
     let [state, action] = stats;
     let stats = json!({ "observation.state": state.json(), "action": action.json() });
-    store::write(&dir.join("meta/stats.json"), &pretty(&stats)?)?;
+    atomic_file::write(&dir.join("meta/stats.json"), &pretty(&stats)?)?;
     write_tasks(&dir.join("meta/tasks.parquet"), objects)?;
     let path = dir.join("meta/episodes/chunk-000/file-000.parquet");
-    table::write(&path, [Ok(episode_columns(objects, episodes))], None)
+    parquet_io::write(&path, [Ok(episode_columns(objects, episodes))], None)
 }
 
-fn info(tree: &Tree, tasks: usize, episodes: usize, frames: usize) -> Value {
+fn info(tree: &KinematicTree, tasks: usize, episodes: usize, frames: usize) -> Value {
     let names = |suffix: &str| -> Vec<String> {
         tree.joints.iter().map(|joint| format!("{}.{suffix}", joint.name)).collect()
     };
@@ -114,7 +119,7 @@ fn info(tree: &Tree, tasks: usize, episodes: usize, frames: usize) -> Value {
     })
 }
 
-/// Tasks as pandas writes them: the text is the index.
+/// Writes the task table as pandas does, with the text as index.
 fn write_tasks(path: &Path, objects: &[String]) -> Result<()> {
     let column = |name: Option<&str>, field: &str, pandas: &str, numpy: &str| {
         json!({
@@ -135,18 +140,19 @@ fn write_tasks(path: &Path, objects: &[String]) -> Result<()> {
         ("task_index", Column::Integers((0..objects.len() as i64).collect())),
         ("task", Column::Texts(objects.iter().map(|name| task(name)).collect())),
     ];
-    table::write(path, [Ok(columns)], Some(("pandas", pandas.to_string())))
+    parquet_io::write(path, [Ok(columns)], Some(("pandas", pandas.to_string())))
 }
 
-fn episode_columns(objects: &[String], episodes: &[Episode]) -> Columns {
-    let integers = |of: &dyn Fn(&Episode) -> usize| {
+fn episode_columns(objects: &[String], episodes: &[EpisodeIndex]) -> Columns {
+    let integers = |of: &dyn Fn(&EpisodeIndex) -> usize| {
         Column::Integers(episodes.iter().map(|episode| of(episode) as i64).collect())
     };
-    let floats = |of: &dyn Fn(&Episode) -> f32| Column::Floats(episodes.iter().map(of).collect());
+    let floats =
+        |of: &dyn Fn(&EpisodeIndex) -> f32| Column::Floats(episodes.iter().map(of).collect());
     let first: Vec<i64> = (0..episodes.len() as i64).collect();
     vec![
         ("episode_index", Column::Integers(first)),
-        ("tasks", Column::OneText(episodes.iter().map(|e| task(&objects[e.object])).collect())),
+        ("tasks", Column::TextList(episodes.iter().map(|e| task(&objects[e.object])).collect())),
         ("length", integers(&|e| e.rows[1])),
         ("data/chunk_index", integers(&|_| 0)),
         ("data/file_index", integers(&|e| e.file)),
@@ -156,43 +162,43 @@ fn episode_columns(objects: &[String], episodes: &[Episode]) -> Columns {
         ("meta/episodes/file_index", integers(&|_| 0)),
         ("object", Column::Texts(episodes.iter().map(|e| objects[e.object].clone()).collect())),
         ("pose_index", integers(&|e| e.pose)),
-        ("x", floats(&|e| e.part.pose[0])),
-        ("y", floats(&|e| e.part.pose[1])),
-        ("yaw", floats(&|e| e.part.pose[2])),
-        ("grasp", integers(&|e| e.attempt.grasp)),
-        ("target_seed", integers(&|e| e.attempt.target)),
-        ("touch", integers(&|e| e.attempt.touch)),
-        ("clearance", floats(&|e| e.attempt.clearance)),
+        ("x", floats(&|e| e.shard.pose[0])),
+        ("y", floats(&|e| e.shard.pose[1])),
+        ("yaw", floats(&|e| e.shard.pose[2])),
+        ("grasp", integers(&|e| e.trial.grasp)),
+        ("target_seed", integers(&|e| e.trial.target)),
+        ("contact_row", integers(&|e| e.trial.contact_row)),
+        ("clearance", floats(&|e| e.trial.clearance)),
     ]
 }
 
-/// Count, sums and extremes of vectors, column by column.
+/// Count, sums, minima and maxima of vectors, by column.
 #[derive(Clone, Debug)]
-pub(crate) struct Moments {
+pub(crate) struct ColumnStats {
     count: usize,
     sum: Vec<f64>,
-    squares: Vec<f64>,
+    sum_of_squares: Vec<f64>,
     min: Vec<f32>,
     max: Vec<f32>,
 }
 
-impl Moments {
+impl ColumnStats {
     pub(crate) fn new(width: usize) -> Self {
         Self {
             count: 0,
             sum: vec![0.0; width],
-            squares: vec![0.0; width],
+            sum_of_squares: vec![0.0; width],
             min: vec![f32::INFINITY; width],
             max: vec![f32::NEG_INFINITY; width],
         }
     }
 
-    /// Adds vectors that stand one after another, from their `first` column on.
+    /// Adds vectors of `width` values, stored in sequence, to the columns from `first` on.
     pub(crate) fn add(&mut self, vectors: &[f32], width: usize, first: usize) {
         for vector in vectors.chunks_exact(width) {
             for (i, &x) in (first..).zip(vector) {
                 self.sum[i] += f64::from(x);
-                self.squares[i] += f64::from(x) * f64::from(x);
+                self.sum_of_squares[i] += f64::from(x) * f64::from(x);
                 (self.min[i], self.max[i]) = (self.min[i].min(x), self.max[i].max(x));
             }
         }
@@ -201,14 +207,14 @@ impl Moments {
 
     fn json(&self) -> Value {
         if self.count == 0 {
-            // JSON has no infinities.
+            // JSON cannot represent infinities.
             let zeros = vec![0.0; self.sum.len()];
             let of = || zeros.clone();
             return json!({ "min": of(), "max": of(), "mean": of(), "std": of(), "count": [0] });
         }
         let count = self.count as f64;
         let mean: Vec<f64> = self.sum.iter().map(|sum| sum / count).collect();
-        let spread = self.squares.iter().zip(&mean);
+        let spread = self.sum_of_squares.iter().zip(&mean);
         let std: Vec<f64> =
             spread.map(|(sum, mean)| libm::sqrt((sum / count - mean * mean).max(0.0))).collect();
         json!({
@@ -222,8 +228,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn moments_are_those_of_the_numbers() {
-        let mut moments = Moments::new(3);
+    fn column_stats_match_values() {
+        let mut moments = ColumnStats::new(3);
         moments.add(&[1.0, 2.0, 3.0, 6.0], 2, 0);
         moments.add(&[5.0, 7.0], 1, 2);
         let json = moments.json();

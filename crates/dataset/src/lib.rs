@@ -1,25 +1,25 @@
-//! The data engine: grasps, demonstrations that lift when they are replayed, clouds; on disk for anyone (paper §II-A).
+//! Generates datasets of grasps, demonstrations that lift the object in replay, and point clouds (paper
+//! §II-A).
 //!
-//! In: objects and a configuration. Out: a folder in LeRobot's layout. Knows nothing of networks.
+//! In: objects and a configuration. Out: a folder in LeRobot's layout. Does not depend on neural networks.
 
 mod assemble;
 mod clouds;
 pub mod config;
+pub mod dataset;
 mod demonstrations;
 pub mod episodes;
-pub mod folder;
 pub mod generate;
 mod lerobot;
 pub mod manifest;
-pub mod part;
+mod parquet_io;
 pub mod poses;
 pub mod report;
-pub mod store;
+pub mod shard;
 pub mod summary;
-mod table;
 mod verify;
 
 pub use config::DatasetConfig;
-pub use folder::{Dataset, PoseRecord};
-pub use generate::{Objects, Observer};
+pub use dataset::{Dataset, PoseRecord};
+pub use generate::{Objects, Progress};
 pub use manifest::Manifest;

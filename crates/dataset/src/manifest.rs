@@ -1,51 +1,51 @@
-//! The manifest: every file with its hash, what made it, and one hash that names the whole.
+//! Manifest of a dataset: all files with their hashes, provenance, and one hash of the whole.
 
 use crate::config::DatasetConfig;
-use crate::folder::Inputs;
+use crate::dataset::Provenance;
 use crate::generate::Objects;
-use crate::store;
 use anyhow::{Context, Result, bail, ensure};
+use files::atomic_file;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
-/// Name of the manifest; it is written last, so a folder that has it is complete.
-pub(crate) const MANIFEST: &str = "manifest.json";
+/// File name of the manifest. It is written last, so its presence marks a complete dataset.
+pub(crate) const MANIFEST_FILE: &str = "manifest.json";
 
-/// A file of a dataset.
+/// One file of a dataset.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct FileEntry {
-    /// Path in the dataset, with slashes.
+    /// Path relative to the dataset, separated by slashes.
     pub path: String,
-    /// Its size.
+    /// Size in bytes.
     pub bytes: u64,
-    /// BLAKE3 of its bytes, hex.
+    /// BLAKE3 hash of the contents, hex.
     pub blake3: String,
 }
 
-/// What a dataset consists of and where it comes from.
+/// Files and provenance of a dataset.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Manifest {
-    /// Program that made it.
+    /// Name and version of the program that generated the dataset.
     pub generator: String,
-    /// What it was made of.
+    /// Configuration, scene and objects.
     #[serde(flatten)]
-    pub inputs: Inputs,
-    /// All files but the manifest, by path.
+    pub provenance: Provenance,
+    /// All files except the manifest, sorted by path.
     pub files: Vec<FileEntry>,
-    /// BLAKE3 over everything above, hex.
+    /// BLAKE3 hash of the fields above, hex.
     pub hash: String,
 }
 
 impl Manifest {
-    /// Takes stock of a folder.
-    pub(crate) fn of(dir: &Path, config: &DatasetConfig, objects: &Objects) -> Result<Self> {
+    /// Builds the manifest of a folder.
+    pub(crate) fn build(dir: &Path, config: &DatasetConfig, objects: &Objects) -> Result<Self> {
         let mut files = Vec::new();
-        for path in contents(dir)?.into_iter().filter(|path| is_hashed(path)) {
-            files.push(entry(dir, &path)?);
+        for path in list_files(dir)?.into_iter().filter(|path| is_hashed(path)) {
+            files.push(hash_file(dir, &path)?);
         }
         let mut manifest = Self {
             generator: format!("ngf-grasp {}", env!("CARGO_PKG_VERSION")),
-            inputs: Inputs::of(config, objects),
+            provenance: Provenance::of(config, objects),
             files,
             hash: String::new(),
         };
@@ -55,11 +55,11 @@ impl Manifest {
 
     /// Reads the manifest of a complete dataset.
     pub fn read(dir: &Path) -> Result<Self> {
-        let path = dir.join(MANIFEST);
+        let path = dir.join(MANIFEST_FILE);
         let bytes = std::fs::read(&path).with_context(|| {
-            let cure = "complete it with --resume";
+            let hint = "complete it with --resume";
             format!(
-                "{} is not there: {} is no complete dataset; {cure}",
+                "{} does not exist, so {} is not a complete dataset; {hint}",
                 path.display(),
                 dir.display()
             )
@@ -68,21 +68,21 @@ impl Manifest {
     }
 
     pub(crate) fn write(&self, dir: &Path) -> Result<()> {
-        store::write(&dir.join(MANIFEST), &serde_json::to_vec_pretty(self)?)
+        atomic_file::write(&dir.join(MANIFEST_FILE), &serde_json::to_vec_pretty(self)?)
     }
 
-    /// Size of all files.
-    pub fn bytes(&self) -> u64 {
+    /// Total size of all files in bytes.
+    pub fn total_bytes(&self) -> u64 {
         self.files.iter().map(|file| file.bytes).sum()
     }
 
-    /// Reads every file again: each must be there with its hash, and no other one.
+    /// Hashes every file again and checks that no file is missing, changed or foreign.
     pub(crate) fn verify_files(&self, dir: &Path, progress: &dyn Fn(usize, usize)) -> Result<()> {
         for (i, wanted) in self.files.iter().enumerate() {
             progress(i, self.files.len());
             let path = PathBuf::from(&wanted.path);
             ensure!(dir.join(&path).exists(), "{} is missing", wanted.path);
-            let found = entry(dir, &path)?;
+            let found = hash_file(dir, &path)?;
             ensure!(
                 found == *wanted,
                 "{} has changed: it has hash {} instead of {}",
@@ -92,20 +92,24 @@ impl Manifest {
             );
         }
         let known = |path: &Path| self.files.iter().any(|file| Path::new(&file.path) == path);
-        for path in contents(dir)?.into_iter().filter(|path| is_hashed(path)) {
+        for path in list_files(dir)?.into_iter().filter(|path| is_hashed(path)) {
             ensure!(known(&path), "{} does not belong to the dataset", path.display());
         }
         let again = Self { hash: String::new(), ..self.clone() };
         let hash = blake3::hash(&serde_json::to_vec(&again)?).to_hex().to_string();
-        ensure!(hash == self.hash, "{MANIFEST} has changed: its hash is {hash}, not {}", self.hash);
+        ensure!(
+            hash == self.hash,
+            "{MANIFEST_FILE} has changed: it has hash {hash} instead of {}",
+            self.hash
+        );
         Ok(())
     }
 }
 
-/// Names at the top of a dataset's folder.
-const KNOWN: [&str; 11] = [
+/// Names that a dataset folder may contain.
+const KNOWN_ENTRIES: [&str; 11] = [
     "config.json",
-    MANIFEST,
+    MANIFEST_FILE,
     "log.jsonl",
     "summary.json",
     "report.html",
@@ -117,19 +121,19 @@ const KNOWN: [&str; 11] = [
     "meta",
 ];
 
-/// The folder of what is made before it is put together.
-pub(crate) const PARTS: &str = "parts";
+/// Folder of the shards, deleted after assembly.
+pub(crate) const SHARDS_DIR: &str = "shards";
 
-/// Refuses a folder in which something lies that is not a dataset's.
-pub(crate) fn refuse_foreign(dir: &Path) -> Result<()> {
+/// Rejects a folder with files that do not belong to a dataset.
+pub(crate) fn reject_foreign_files(dir: &Path) -> Result<()> {
     let unreadable = || format!("cannot read {}", dir.display());
     for entry in std::fs::read_dir(dir).with_context(unreadable)? {
         let entry = entry.with_context(unreadable)?;
         let name = entry.file_name().to_string_lossy().into_owned();
-        let is_known = KNOWN.contains(&name.as_str()) || name == PARTS;
-        if !is_known && !store::is_half_written(&entry.path()) {
+        let is_known = KNOWN_ENTRIES.contains(&name.as_str()) || name == SHARDS_DIR;
+        if !is_known && !atomic_file::is_partial(&entry.path()) {
             bail!(
-                "{} holds {name}, which is no part of a dataset; choose an empty folder",
+                "{} contains {name}, which does not belong to a dataset; choose an empty folder",
                 dir.display()
             );
         }
@@ -137,25 +141,26 @@ pub(crate) fn refuse_foreign(dir: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Removes what killed writers left half written.
-pub(crate) fn remove_half_written(dir: &Path) -> Result<()> {
-    for path in contents(dir)?.into_iter().map(|path| dir.join(path)) {
-        if store::is_half_written(&path) {
+/// Deletes partial files of killed writers.
+pub(crate) fn delete_partial_files(dir: &Path) -> Result<()> {
+    for path in list_files(dir)?.into_iter().map(|path| dir.join(path)) {
+        if atomic_file::is_partial(&path) {
             std::fs::remove_file(&path)
-                .with_context(|| format!("cannot remove {}", path.display()))?;
+                .with_context(|| format!("cannot delete {}", path.display()))?;
         }
     }
     Ok(())
 }
 
-/// What is about the making, not of the dataset, has no hash.
+/// Manifest, log, report, shards and partial files are not part of the dataset and are not hashed.
 fn is_hashed(path: &Path) -> bool {
-    let about = [MANIFEST, "log.jsonl", "report.html"].iter().any(|name| path == Path::new(name));
-    !about && !path.starts_with(PARTS) && !store::is_half_written(path)
+    let is_metadata =
+        [MANIFEST_FILE, "log.jsonl", "report.html"].iter().any(|name| path == Path::new(name));
+    !is_metadata && !path.starts_with(SHARDS_DIR) && !atomic_file::is_partial(path)
 }
 
-/// Paths of all files in a folder, relative to it, sorted.
-fn contents(dir: &Path) -> Result<Vec<PathBuf>> {
+/// Paths of all files below a folder, relative to it, sorted.
+fn list_files(dir: &Path) -> Result<Vec<PathBuf>> {
     let mut files = Vec::new();
     let mut folders = vec![PathBuf::new()];
     while let Some(folder) = folders.pop() {
@@ -172,7 +177,7 @@ fn contents(dir: &Path) -> Result<Vec<PathBuf>> {
     Ok(files)
 }
 
-fn entry(dir: &Path, path: &Path) -> Result<FileEntry> {
+fn hash_file(dir: &Path, path: &Path) -> Result<FileEntry> {
     let full = dir.join(path);
     let unreadable = || format!("cannot read {}", full.display());
     let mut hasher = blake3::Hasher::new();
@@ -192,16 +197,16 @@ mod tests {
 
     fn folder() -> (tempfile::TempDir, Manifest) {
         let folder = tempfile::tempdir().unwrap();
-        store::write(&folder.path().join("meta/info.json"), b"{}").unwrap();
-        store::write(&folder.path().join("log.jsonl"), b"one\n").unwrap();
+        atomic_file::write(&folder.path().join("meta/info.json"), b"{}").unwrap();
+        atomic_file::write(&folder.path().join("log.jsonl"), b"one\n").unwrap();
         let config = DatasetConfig::preset("smoke", 0).unwrap();
-        let manifest = Manifest::of(folder.path(), &config, &Objects::new()).unwrap();
+        let manifest = Manifest::build(folder.path(), &config, &Objects::new()).unwrap();
         manifest.write(folder.path()).unwrap();
         (folder, manifest)
     }
 
     #[test]
-    fn a_changed_missing_or_foreign_file_is_named() {
+    fn verify_names_file_when_changed_missing_or_foreign() {
         let (folder, manifest) = folder();
         let dir = folder.path();
         let verify = || manifest.verify_files(dir, &|_, _| ()).map_err(|error| error.to_string());
@@ -219,12 +224,12 @@ mod tests {
     }
 
     #[test]
-    fn a_folder_with_other_things_is_refused_and_left_alone() {
+    fn folder_with_foreign_files_is_rejected_and_unchanged() {
         let folder = tempfile::tempdir().unwrap();
         std::fs::write(folder.path().join("thesis.tex"), b"important").unwrap();
-        let error = refuse_foreign(folder.path()).unwrap_err().to_string();
+        let error = reject_foreign_files(folder.path()).unwrap_err().to_string();
         assert!(error.contains("thesis.tex"), "{error}");
-        assert!(refuse_foreign(&folder.path().join("nowhere")).is_err());
+        assert!(reject_foreign_files(&folder.path().join("nowhere")).is_err());
         assert_eq!(folder.path().read_dir().unwrap().count(), 1);
     }
 }

@@ -1,15 +1,15 @@
-//! Energization: bending a geometry so that it conserves an energy.
+//! Energization: adds a force along q̇ to a geometry so that it conserves an energy.
 
 use robot::JointVector;
 
-/// Keeps the quotient finite at rest (rad²/s²).
-const REGULARISER: f64 = 1e-6;
+/// Regularises the quotient at rest (rad²/s²).
+const REGULARIZER: f64 = 1e-6;
 
-/// The coefficient α that makes h + α q̇ conserve L = ½ q̇ᵀq̇: α = -q̇ᵀh / (q̇ᵀq̇ + ε).
+/// Coefficient α for which h + α q̇ conserves L = ½ q̇ᵀq̇: α = -q̇ᵀh / (q̇ᵀq̇ + ε).
 ///
-/// The general form is α = -q̇ᵀ(M_e h + f_e) / (q̇ᵀ M_e q̇); this energy has M_e = I and f_e = 0.
+/// The general form is α = -q̇ᵀ(M_e h + f_e) / (q̇ᵀ M_e q̇). For this energy, M_e = I and f_e = 0.
 pub fn energization(qd: &JointVector, h: &JointVector) -> f64 {
-    -qd.dot(h) / (qd.norm_squared() + REGULARISER)
+    -qd.dot(h) / (qd.norm_squared() + REGULARIZER)
 }
 
 #[cfg(test)]
@@ -28,7 +28,7 @@ mod tests {
     }
 
     #[test]
-    fn it_is_zero_at_rest() {
+    fn energization_is_zero_at_rest() {
         assert_eq!(energization(&JointVector::zeros(), &JointVector::from_element(3.0)), 0.0);
     }
 }

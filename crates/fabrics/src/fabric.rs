@@ -1,37 +1,37 @@
-//! The fabric as a whole: terms summed, energized, forced and damped (paper §III-A; Eq. 3 with fixed terms).
+//! Geometric fabric: sums its terms, energizes, forces and damps them (paper §III-A; Eq. 3 with fixed terms).
 
 use crate::energy::energization;
-use crate::limit::LimitConfig;
+use crate::joint_limits::JointLimitConfig;
 use crate::terms::attractor::Attractor;
 use crate::terms::repulsion::{self, Obstacle, RepulsionConfig};
-use crate::terms::{Pull, palm, posture};
-use robot::spheres::Sphere;
-use robot::{HAND, Isometry, JointState, JointVector, Tree, UrdfError};
+use crate::terms::{TermSums, palm, posture};
+use robot::collision_spheres::Sphere;
+use robot::{HAND_DOF, Isometry, JointState, JointVector, KinematicTree, UrdfError};
 
 /// Parameters of all terms.
 #[derive(Clone, Debug)]
 pub struct FabricConfig {
-    /// Geometric pull of all joints to the resting posture.
+    /// Geometric attraction of all joints to the rest posture.
     pub posture: Attractor,
-    /// Pull of the hand to its goal posture.
+    /// Attraction of the hand to its goal posture.
     pub hand: Attractor,
-    /// Pull of the palm to its goal pose.
+    /// Attraction of the palm to its goal pose.
     pub palm: Attractor,
-    /// Joint limits.
-    pub limit: LimitConfig,
-    /// Obstacles and the robot itself.
+    /// Parameters of the joint limits.
+    pub joint_limits: JointLimitConfig,
+    /// Repulsion from obstacles and from the robot itself.
     pub repulsion: RepulsionConfig,
     /// Damping of all joints (1/s).
     pub damping: f64,
 }
 
 impl FabricConfig {
-    /// Parameters that bring the palm over 10 to 25 cm in one to three seconds.
+    /// Parameters for demonstrations: the palm moves 10 to 25 cm in 1 to 3 s.
     ///
-    /// The forms and orders of magnitude follow the published pose fabric of the same robot; the
-    /// pulls are weaker, so that motions last long enough to be imitated at 30 Hz.
-    pub fn calm() -> Self {
-        let pull = |gain, sharpness, mass| Attractor {
+    /// Forms and orders of magnitude follow the published pose fabric of the same robot. The attraction is
+    /// weaker, so that motions are long enough to be imitated at 30 Hz.
+    pub fn demonstration() -> Self {
+        let attractor = |gain, sharpness, mass| Attractor {
             gain,
             sharpness,
             mass,
@@ -39,82 +39,83 @@ impl FabricConfig {
             damping_radius: 0.15,
         };
         Self {
-            posture: pull(1.0, 20.0, 1.0),
-            hand: pull(12.0, 8.0, 8.0),
-            palm: pull(12.0, 12.0, 4.0),
-            limit: LimitConfig { margin: 0.02, rate: 5.0, priority: 100.0 },
+            posture: attractor(1.0, 20.0, 1.0),
+            hand: attractor(12.0, 8.0, 8.0),
+            palm: attractor(12.0, 12.0, 4.0),
+            joint_limits: JointLimitConfig { margin: 0.02, rate: 5.0, priority: 100.0 },
             repulsion: RepulsionConfig {
-                push: 1.0,
-                bend: 5.0,
+                potential_gain: 1.0,
+                geometric_gain: 5.0,
                 priority: 0.01,
-                reach: 0.5,
-                least: 0.01,
+                max_distance: 0.5,
+                min_distance: 0.01,
             },
             damping: 10.0,
         }
     }
 
-    /// As [`FabricConfig::calm`], but soft enough to carry something heavy.
-    pub fn gentle() -> Self {
-        let calm = Self::calm();
-        Self { palm: Attractor { gain: 6.0, ..calm.palm }, ..calm }
+    /// Parameters for lifting: as [`FabricConfig::demonstration`], with half the palm gain for heavy objects.
+    pub fn lifting() -> Self {
+        let base = Self::demonstration();
+        Self { palm: Attractor { gain: 6.0, ..base.palm }, ..base }
     }
 }
 
-/// Where the fabric flows to.
+/// Goal of the fabric.
 #[derive(Clone, Copy, Debug)]
 pub struct Goal {
-    /// Pose of the palm in the world.
+    /// Palm pose, world frame.
     pub palm: Isometry,
-    /// Posture of the hand (rad).
-    pub hand: [f64; HAND],
+    /// Hand posture (rad).
+    pub hand: [f64; HAND_DOF],
 }
 
-/// A fabric for one robot among obstacles.
+/// A fabric for one robot and a set of obstacles.
 pub struct Fabric<'a> {
-    tree: &'a Tree,
+    tree: &'a KinematicTree,
     spheres: Vec<Sphere>,
     obstacles: Vec<Obstacle>,
-    rest: JointVector,
+    rest_posture: JointVector,
     config: FabricConfig,
 }
 
 impl<'a> Fabric<'a> {
-    /// A fabric that prefers the posture `rest` and keeps off `obstacles`.
+    /// A fabric with the rest posture `rest` (rad) and repulsion from `obstacles`.
     pub fn new(
-        tree: &'a Tree,
+        tree: &'a KinematicTree,
         rest: JointVector,
         obstacles: Vec<Obstacle>,
         config: FabricConfig,
     ) -> Result<Self, UrdfError> {
-        Ok(Self { tree, spheres: tree.spheres()?, obstacles, rest, config })
+        Ok(Self { tree, spheres: tree.collision_spheres()?, obstacles, rest_posture: rest, config })
     }
 
-    /// The acceleration q̈ = h̃ + α q̇ - M⁻¹ ∂ψ - γ q̇ (rad/s²), held off the joints' limits and scaled
-    /// down to what they can;
-    /// `None` if the state is not finite.
+    /// Computes q̈ = h̃ + α q̇ - M⁻¹ ∂ψ - γ q̇ (rad/s²), constrained at the joint limits and scaled to the
+    /// acceleration limits; `None` if the state is not finite.
     pub fn acceleration(&self, state: &JointState, goal: &Goal) -> Option<JointVector> {
         let config = &self.config;
-        let kinematics = self.tree.kinematics(&state.q);
-        let mut pull = Pull::zero();
-        posture::add_resting(&mut pull, state, &self.rest, &config.posture);
-        posture::add_hand(&mut pull, state, &goal.hand, &config.hand);
-        palm::add(&mut pull, self.tree, &kinematics, &state.qd, &goal.palm, &config.palm);
+        let kinematics = self.tree.forward_kinematics(&state.q);
+        let mut sums = TermSums::zero();
+        posture::add_rest_posture(&mut sums, state, &self.rest_posture, &config.posture);
+        posture::add_hand_goal(&mut sums, state, &goal.hand, &config.hand);
+        palm::add(&mut sums, self.tree, &kinematics, &state.qd, &goal.palm, &config.palm);
         let (spheres, obstacles) = (&self.spheres, &self.obstacles);
-        repulsion::add(&mut pull, &kinematics, &state.qd, spheres, obstacles, &config.repulsion);
+        repulsion::add(&mut sums, &kinematics, &state.qd, spheres, obstacles, &config.repulsion);
 
-        let sum = pull.geometry.metric;
-        let metric = sum.cholesky()?;
-        let h = -metric.solve(&pull.geometry.force);
+        let summed = sums.geometry.metric;
+        let metric = summed.cholesky()?;
+        let h = -metric.solve(&sums.geometry.force);
         let alpha = energization(&state.qd, &h);
-        let drive = metric.solve(&pull.potential);
-        let qdd = h + state.qd * (alpha - config.damping) - drive;
+        let forcing = metric.solve(&sums.potential);
+        let qdd = h + state.qd * (alpha - config.damping) - forcing;
         let limits = &self.tree.limits;
-        Some(limits.scale_acceleration(&config.limit.hold(&sum, qdd, state, limits)?))
+        Some(
+            limits.scale_acceleration(&config.joint_limits.constrain(&summed, qdd, state, limits)?),
+        )
     }
 
-    /// The robot that it moves.
-    pub fn tree(&self) -> &'a Tree {
+    /// The robot model.
+    pub fn tree(&self) -> &'a KinematicTree {
         self.tree
     }
 }

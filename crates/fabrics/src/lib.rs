@@ -1,12 +1,12 @@
-//! Geometric fabrics as a motion planner: (q, q̇) -> q̈ that flows to a goal around obstacles.
+//! Geometric fabrics as a motion planner: (q, q̇) -> q̈ towards a goal, around obstacles.
 //!
 //! After Van Wyk et al., "Geometric fabrics: generalizing classical mechanics to capture the physics
 //! of behavior" (RA-L 2022), and Ratliff et al., "Generalized nonlinear and Finsler geometry for
-//! robotics" (ICRA 2021). Parameters are our own. Knows nothing of physics or networks.
+//! robotics" (ICRA 2021). The parameters are our own. Independent of physics and networks.
 
 pub mod energy;
 pub mod fabric;
-pub mod limit;
+pub mod joint_limits;
 pub mod planner;
 pub mod spec;
 pub mod terms;

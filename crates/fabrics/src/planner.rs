@@ -1,64 +1,64 @@
-//! Integrates a fabric towards its goal.
+//! Motion planning by integrating a fabric towards its goal.
 
 use crate::fabric::{Fabric, Goal};
 use robot::{JointState, JointVector, integrator};
 
-/// How finely a motion is integrated, and when it ends.
+/// Time step, max duration and stop criterion of a plan.
 #[derive(Clone, Debug)]
 pub struct PlannerConfig {
-    /// Seconds between rows.
+    /// Time step (s).
     pub dt: f64,
-    /// Seconds at most.
-    pub seconds: f64,
-    /// Greatest speed of a motion that rests (rad/s), norm over all joints.
+    /// Max duration (s).
+    pub max_seconds: f64,
+    /// Speed (rad/s, norm over all joints) below which the motion is at rest.
     pub rest_speed: f64,
 }
 
 impl PlannerConfig {
-    /// Rows at the policy's 30 Hz (paper §III-E), 8 s at most.
+    /// Parameters for demonstrations: 30 Hz as the policy (paper §III-E), up to 8 s.
     pub fn demonstration() -> Self {
-        Self { dt: 1.0 / 30.0, seconds: 8.0, rest_speed: 0.1 }
+        Self { dt: 1.0 / 30.0, max_seconds: 8.0, rest_speed: 0.1 }
     }
 }
 
-/// A motion: n + 1 states and the n accelerations between them (Eq. 6, 7).
+/// A trajectory: n + 1 states and the n accelerations between them (Eq. 6, 7).
 #[derive(Clone, Debug)]
 pub struct Plan {
-    /// States, `dt` apart.
+    /// States, one time step apart.
     pub states: Vec<JointState>,
     /// `accelerations[i]` leads from `states[i]` to `states[i + 1]`.
     pub accelerations: Vec<JointVector>,
 }
 
 impl Plan {
-    /// A motion that stands at `state`.
-    pub fn standing(state: JointState) -> Self {
+    /// A trajectory of the single state `state`.
+    pub fn at_rest(state: JointState) -> Self {
         Self { states: vec![state], accelerations: Vec::new() }
     }
 
     /// The last state.
     pub fn last(&self) -> &JointState {
-        // A plan is never empty: it begins with one state and only grows.
+        // A plan contains at least its initial state.
         &self.states[self.states.len() - 1]
     }
 
-    /// Appends one step.
+    /// Appends one integration step with the acceleration `qdd` (rad/s²) and the time step `dt` (s).
     pub fn push(&mut self, qdd: JointVector, dt: f64) {
         self.states.push(integrator::step(self.last(), &qdd, dt));
         self.accelerations.push(qdd);
     }
 }
 
-/// Lets the fabric flow from `start` towards `goal` until it rests or `seconds` are over, wherever
-/// that is; `None` if it leaves the finite numbers.
-pub fn flow(
+/// Integrates the fabric from `start` towards `goal` until it is at rest or the max duration is reached. The
+/// goal is not guaranteed to be reached. `None` if the state becomes non-finite.
+pub fn plan(
     fabric: &Fabric,
     start: &JointState,
     goal: &Goal,
     config: &PlannerConfig,
 ) -> Option<Plan> {
-    let mut plan = Plan::standing(*start);
-    for row in 0..(config.seconds / config.dt).round() as usize {
+    let mut plan = Plan::at_rest(*start);
+    for row in 0..(config.max_seconds / config.dt).round() as usize {
         let state = *plan.last();
         plan.push(fabric.acceleration(&state, goal)?, config.dt);
         if row as f64 * config.dt > 0.5 && plan.last().qd.norm() < config.rest_speed {
@@ -73,54 +73,55 @@ mod tests {
     use super::*;
     use crate::FabricConfig;
     use crate::terms::repulsion::Obstacle;
-    use geometry::solid::Solid;
+    use geometry::convex_shape::ConvexShape;
     use geometry::{Pose, Vec3};
     use rand::{RngExt, SeedableRng};
     use rand_chacha::ChaCha8Rng;
-    use robot::{Isometry, Tree, Vector, rotation};
+    use robot::{Isometry, KinematicTree, Vector, rotation};
 
     fn nominal() -> JointVector {
         let hand =
             [0.0, 0.3, 0.3, 0.3, 0.0, 0.3, 0.3, 0.3, 0.0, 0.3, 0.3, 0.3, 1.3, 0.6, 0.34, 0.61];
-        robot::join(&[0.0, 0.3, 0.0, -1.5, 0.0, 1.3, 0.79], &hand)
+        robot::joint_vector(&[0.0, 0.3, 0.0, -1.5, 0.0, 1.3, 0.79], &hand)
     }
 
     fn table() -> Obstacle {
-        let solid = Solid::cuboid(Vec3::new(0.4, 0.55, 0.05));
-        let place = Pose::from_translation(Vec3::new(0.6, 0.0, -0.05));
-        Obstacle { solids: vec![solid.moved(&place)], first_body: 3 }
+        let solid = ConvexShape::cuboid(Vec3::new(0.4, 0.55, 0.05));
+        let pose = Pose::from_translation(Vec3::new(0.6, 0.0, -0.05));
+        Obstacle { shapes: vec![solid.transformed(&pose)], first_active_body: 3 }
     }
 
-    /// How far (m, rad) the palm is from its goal where a motion ends.
-    fn miss(tree: &Tree, plan: &Plan, goal: &Goal) -> [f64; 2] {
-        let palm = tree.kinematics(&plan.last().q).palm();
+    /// Palm error at the end of a plan: distance (m) and angle (rad) to the goal.
+    fn goal_error(tree: &KinematicTree, plan: &Plan, goal: &Goal) -> [f64; 2] {
+        let palm = tree.forward_kinematics(&plan.last().q).palm_pose();
         let distance = (palm.translation.vector - goal.palm.translation.vector).norm();
         [distance, rotation::angle_between(&palm.rotation, &goal.palm.rotation)]
     }
 
     #[test]
     fn random_goals_are_reached() {
-        let tree = Tree::iiwa7_allegro().unwrap();
+        let tree = KinematicTree::iiwa7_allegro().unwrap();
         let start = JointState::at_rest(nominal());
-        let palm = tree.kinematics(&start.q).palm();
-        let fabric = Fabric::new(&tree, nominal(), vec![table()], FabricConfig::calm()).unwrap();
+        let palm = tree.forward_kinematics(&start.q).palm_pose();
+        let fabric =
+            Fabric::new(&tree, nominal(), vec![table()], FabricConfig::demonstration()).unwrap();
         let mut rng = ChaCha8Rng::seed_from_u64(1);
         let (mut reached, mut seconds) = (0, Vec::new());
         let count = 40;
         for _ in 0..count {
             let mut draw = |reach: f64| Vector::from_fn(|_, _| rng.random_range(-reach..=reach));
             let (shift, tilt) = (draw(0.15), draw(0.3));
-            let turn = rotation::about(&tilt.normalize(), tilt.norm());
+            let rotation_offset = rotation::from_axis_angle(&tilt.normalize(), tilt.norm());
             let goal = Goal {
                 palm: Isometry::from_parts(
                     (palm.translation.vector + shift).into(),
-                    turn * palm.rotation,
+                    rotation_offset * palm.rotation,
                 ),
-                hand: robot::hand_of(&nominal()),
+                hand: robot::hand_joints(&nominal()),
             };
-            let plan = flow(&fabric, &start, &goal, &PlannerConfig::demonstration()).unwrap();
+            let plan = plan(&fabric, &start, &goal, &PlannerConfig::demonstration()).unwrap();
             assert!(plan.states.iter().all(|state| tree.limits.contains(&state.q, -1e-3)));
-            let [distance, angle] = miss(&tree, &plan, &goal);
+            let [distance, angle] = goal_error(&tree, &plan, &goal);
             if distance < 0.01 && angle < 0.09 {
                 reached += 1;
                 seconds.push(plan.accelerations.len() as f64 / 30.0);
@@ -132,14 +133,15 @@ mod tests {
     }
 
     #[test]
-    fn rows_satisfy_eq6_and_eq7() {
-        let tree = Tree::iiwa7_allegro().unwrap();
-        let fabric = Fabric::new(&tree, nominal(), vec![table()], FabricConfig::calm()).unwrap();
+    fn plan_steps_satisfy_eq6_and_eq7() {
+        let tree = KinematicTree::iiwa7_allegro().unwrap();
+        let fabric =
+            Fabric::new(&tree, nominal(), vec![table()], FabricConfig::demonstration()).unwrap();
         let start = JointState::at_rest(nominal());
-        let mut palm = tree.kinematics(&start.q).palm();
+        let mut palm = tree.forward_kinematics(&start.q).palm_pose();
         palm.translation.vector.z += 0.12;
-        let goal = Goal { palm, hand: [0.4; robot::HAND] };
-        let plan = flow(&fabric, &start, &goal, &PlannerConfig::demonstration()).unwrap();
+        let goal = Goal { palm, hand: [0.4; robot::HAND_DOF] };
+        let plan = plan(&fabric, &start, &goal, &PlannerConfig::demonstration()).unwrap();
         for (i, qdd) in plan.accelerations.iter().enumerate() {
             let next = integrator::step(&plan.states[i], qdd, 1.0 / 30.0);
             assert_eq!(next, plan.states[i + 1]);
@@ -149,19 +151,20 @@ mod tests {
     }
 
     #[test]
-    fn a_goal_under_the_table_is_not_reached_and_the_table_not_touched() {
-        let tree = Tree::iiwa7_allegro().unwrap();
-        let fabric = Fabric::new(&tree, nominal(), vec![table()], FabricConfig::calm()).unwrap();
+    fn goal_under_table_is_not_reached_without_collision() {
+        let tree = KinematicTree::iiwa7_allegro().unwrap();
+        let fabric =
+            Fabric::new(&tree, nominal(), vec![table()], FabricConfig::demonstration()).unwrap();
         let start = JointState::at_rest(nominal());
-        let mut palm = tree.kinematics(&start.q).palm();
+        let mut palm = tree.forward_kinematics(&start.q).palm_pose();
         palm.translation.vector.z = -0.1;
-        let goal = Goal { palm, hand: robot::hand_of(&nominal()) };
-        let plan = flow(&fabric, &start, &goal, &PlannerConfig::demonstration()).unwrap();
-        assert!(miss(&tree, &plan, &goal)[0] > 0.05);
+        let goal = Goal { palm, hand: robot::hand_joints(&nominal()) };
+        let plan = plan(&fabric, &start, &goal, &PlannerConfig::demonstration()).unwrap();
+        assert!(goal_error(&tree, &plan, &goal)[0] > 0.05);
 
-        let solids = robot::solids::RobotSolids::new(&tree);
+        let solids = robot::collision_shapes::CollisionModel::new(&tree);
         for state in &plan.states {
-            let gap = solids.least_gap(&tree.kinematics(&state.q), &table().solids, 0.1);
+            let gap = solids.min_distance(&tree.forward_kinematics(&state.q), &table().shapes, 0.1);
             assert!(gap > -0.001, "{gap} m into the table");
         }
     }

@@ -1,27 +1,27 @@
-//! Specs, and the operation that brings them together: pullback.
+//! Specs and their pullback to joint space.
 
 use nalgebra::{SMatrix, SVector};
 use robot::{DOF, JointMatrix, JointVector};
 
-/// A term M ẍ + f = 0 in joint space: the metric says how much it matters, the force what it asks for.
+/// A term M ẍ + f = 0 in joint space: the metric M is its priority, the force f its desired acceleration.
 #[derive(Clone, Copy, Debug)]
 pub struct Spec {
     /// M, symmetric positive semi-definite, shape (DOF, DOF).
     pub metric: JointMatrix,
-    /// f, on the left-hand side: +1 accelerates backwards.
+    /// f, on the left-hand side: +1 accelerates in the negative direction.
     pub force: JointVector,
 }
 
 impl Spec {
-    /// A term that asks for nothing.
+    /// A spec without metric and force.
     pub fn zero() -> Self {
         Self { metric: JointMatrix::zeros(), force: JointVector::zeros() }
     }
 
-    /// Adds a term that lives in an N-dimensional task space x = φ(q).
+    /// Adds the pullback of a term in an N-dimensional task space x = φ(q).
     ///
-    /// Pullback: JᵀMJ and Jᵀ(f + M J̇q̇), with J of shape (N, DOF) and `bias` = J̇q̇.
-    pub fn add_pulled_back<const N: usize>(
+    /// The pullback is JᵀMJ and Jᵀ(f + M J̇q̇), with J of shape (N, DOF) and `bias` = J̇q̇.
+    pub fn add_pullback<const N: usize>(
         &mut self,
         jacobian: &SMatrix<f64, N, DOF>,
         bias: &SVector<f64, N>,
@@ -44,14 +44,14 @@ mod tests {
     }
 
     #[test]
-    fn a_pulled_back_term_gets_its_task_acceleration() {
-        // With a vanishing regulariser, J q̈ + J̇q̇ must be the acceleration that the term asks for.
+    fn pullback_preserves_task_acceleration() {
+        // With a vanishing regulariser, J q̈ + J̇q̇ must equal the desired task acceleration.
         let (bias, wanted) = (Vector2::new(0.3, -0.2), Vector2::new(1.5, -0.7));
         let metric = Matrix2::new(2.0, 0.3, 0.3, 1.0);
         let mut spec = Spec { metric: JointMatrix::identity() * 1e-9, force: JointVector::zeros() };
-        spec.add_pulled_back(&jacobian(), &bias, &metric, &(-metric * wanted));
+        spec.add_pullback(&jacobian(), &bias, &metric, &(-metric * wanted));
         let resolved = -spec.metric.cholesky().unwrap().solve(&spec.force);
         let got = jacobian() * resolved + bias;
-        assert!((got - wanted).norm() < 1e-6, "{got} against {wanted}");
+        assert!((got - wanted).norm() < 1e-6, "got {got}, wanted {wanted}");
     }
 }

@@ -1,20 +1,13 @@
-//! Words for space: poses, lofts, meshes and point clouds.
+//! Vocabulary of space: vectors, poses, point clouds, convex shapes and sampling.
 //!
-//! Lengths are metres and frames are right-handed with z up. Knows nothing of robots or physics.
+//! Lengths are in metres; frames are right-handed with z up. Independent of robots and physics.
 
-pub mod brought;
-pub mod catalog;
-pub mod cloud;
-pub mod loft;
-pub mod mesh;
-pub mod object;
-pub mod proportions;
-pub mod sequence;
-pub mod solid;
-pub mod surface;
-pub mod symmetry;
+pub mod convex_shape;
+pub mod low_discrepancy;
+pub mod point_cloud;
+pub mod surface_sampling;
 
-/// A vector or point in space (m), single precision.
+/// Vector or point (m), single precision.
 pub type Vec3 = glamx::Vec3;
-/// A rigid transform in space, single precision; `world_from_body` maps body coordinates to world coordinates.
+/// Rigid transform, single precision; `world_from_body` maps body coordinates to world coordinates.
 pub type Pose = glamx::Pose3;

@@ -1,50 +1,52 @@
-//! Closing the hand by geometry: every finger curls until it touches the object.
+//! Kinematic closing of the hand: each finger flexes until it touches the object.
 
-use geometry::solid::{Contact, Solid};
-use robot::solids::RobotSolids;
-use robot::{ARM, FINGERS, HAND, JointVector, Tree};
+use geometry::convex_shape::{ClosestPoints, ConvexShape};
+use robot::collision_shapes::CollisionModel;
+use robot::{ARM_DOF, HAND_DOF, JointVector, KinematicTree, NUM_FINGERS};
 
-/// How the fingers curl.
+/// Flexion rates of the fingers and the contact threshold.
 #[derive(Clone, Debug)]
 pub struct ClosingConfig {
-    /// Curl of the three joints of a finger that flex it (index to ring), per step of the curl (rad).
+    /// Flexion (rad) of the three flexing joints of each finger (index to ring) per unit of closing.
     pub finger_rates: [f64; 3],
-    /// The same for the thumb's joints 1 to 3.
+    /// Flexion (rad) of the thumb's joints 1 to 3 per unit of closing.
     pub thumb_rates: [f64; 3],
-    /// Step of the curl.
+    /// Increment of closing between two distance checks.
     pub step: f64,
-    /// A link touches when its gap is at most this (m).
-    pub touch_gap: f32,
+    /// A link is in contact if its signed distance (m) from the object is not above this.
+    pub contact_distance: f32,
 }
 
-/// A closed hand.
+/// The closed hand and its contacts.
 #[derive(Clone, Debug)]
-pub struct Closed {
+pub struct ClosedHand {
     /// Hand joints (rad).
-    pub hand: [f64; HAND],
-    /// The contact of each finger with its body, if it reached the object.
-    pub contacts: [Option<(usize, Contact)>; FINGERS],
+    pub hand: [f64; HAND_DOF],
+    /// For each finger, the touching body and its closest points; `None` if the finger does not reach the
+    /// object.
+    pub contacts: [Option<(usize, ClosestPoints)>; NUM_FINGERS],
 }
 
-/// Distances beyond this (m) are not measured.
-const REACH: f32 = 0.02;
+/// Maximum distance (m) of a query; farther shapes are ignored.
+const MAX_QUERY_DISTANCE: f32 = 0.02;
 
-/// Curls all fingers of the robot, which stands in `open`, until they touch one of `solids`.
+/// Flexes all fingers from the posture `pregrasp` until they touch one of `shapes`.
 ///
-/// When a link touches, the joints before it stop and those after it go on; joints also stop at
-/// their limits. A finger that never touches stays where its limits end it.
-pub fn close(
-    tree: &Tree,
-    robot: &RobotSolids,
-    open: &JointVector,
-    solids: &[Solid],
+/// When a link touches, the joints before it stop and those after it continue. Joints also stop at their
+/// limits, which is where a finger without contact ends.
+pub fn close_hand(
+    tree: &KinematicTree,
+    robot: &CollisionModel,
+    pregrasp: &JointVector,
+    shapes: &[ConvexShape],
     config: &ClosingConfig,
-) -> Closed {
-    let mut q = *open;
-    let mut contacts = [None; FINGERS];
+) -> ClosedHand {
+    let mut q = *pregrasp;
+    let mut contacts = [None; NUM_FINGERS];
     for (finger, contact) in contacts.iter_mut().enumerate() {
-        let first = ARM + 4 * finger;
-        let rates = if finger == FINGERS - 1 { config.thumb_rates } else { config.finger_rates };
+        let first = ARM_DOF + 4 * finger;
+        let rates =
+            if finger == NUM_FINGERS - 1 { config.thumb_rates } else { config.finger_rates };
         let mut free_from = 1;
         while free_from < 4 {
             let before = q;
@@ -59,15 +61,15 @@ pub fn close(
             if !moved {
                 break;
             }
-            let kinematics = tree.kinematics(&q);
-            // Body i + 1 is the link that joint i moves.
+            let kinematics = tree.forward_kinematics(&q);
+            // Joint i moves body i + 1.
             let touching = (free_from..4).rev().find_map(|joint| {
                 let body = first + joint + 1;
-                let nearest = nearest_contact(robot, &kinematics, body, solids)?;
-                (nearest.gap <= config.touch_gap).then_some((joint, body, nearest))
+                let nearest = closest_points(robot, &kinematics, body, shapes)?;
+                (nearest.distance <= config.contact_distance).then_some((joint, body, nearest))
             });
             if let Some((joint, body, nearest)) = touching {
-                if nearest.gap < 0.0 {
+                if nearest.distance < 0.0 {
                     q = before;
                 }
                 *contact = Some((body, nearest));
@@ -75,19 +77,21 @@ pub fn close(
             }
         }
     }
-    Closed { hand: robot::hand_of(&q), contacts }
+    ClosedHand { hand: robot::hand_joints(&q), contacts }
 }
 
-/// The contact of body `body` with the least gap.
-pub fn nearest_contact(
-    robot: &RobotSolids,
+/// Closest points of body `body` and the shapes, for the pair with the smallest signed distance.
+pub fn closest_points(
+    robot: &CollisionModel,
     kinematics: &robot::Kinematics,
     body: usize,
-    solids: &[Solid],
-) -> Option<Contact> {
+    shapes: &[ConvexShape],
+) -> Option<ClosestPoints> {
     let pose = robot::rotation::to_pose(&kinematics.world_from_body[body]);
-    let links = robot.of_body(body).iter().map(|link| link.moved(&pose));
+    let links = robot.body_shapes(body).iter().map(|link| link.transformed(&pose));
     links
-        .flat_map(|link| solids.iter().filter_map(move |solid| link.contact(solid, REACH)))
-        .min_by(|a, b| a.gap.total_cmp(&b.gap))
+        .flat_map(|link| {
+            shapes.iter().filter_map(move |shape| link.closest_points(shape, MAX_QUERY_DISTANCE))
+        })
+        .min_by(|a, b| a.distance.total_cmp(&b.distance))
 }

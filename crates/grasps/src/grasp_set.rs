@@ -1,47 +1,51 @@
-//! Grasps of an object, with how they were found.
+//! The grasps of one object, with the counts of the search.
 
 use crate::Grasp;
 
-/// Grasps of an object and how they were found.
+/// Grasps of one object, and how many candidates passed each step of the search.
 #[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
 pub struct GraspSet {
-    /// Reliable grasps, by kind.
+    /// Robust grasps, in order of their cluster.
     pub grasps: Vec<Grasp>,
-    /// Palm poses proposed around the object; this and the next three are 0 where grasps of earlier searches were chosen
-    /// among.
-    pub proposed: usize,
-    /// Proposals, varied ones too, whose hand closed with balanced forces.
-    pub closed: usize,
-    /// Of these, tried with the hand alone.
-    pub tried: usize,
-    /// Trials that lifted.
-    pub lifted: usize,
-    /// Grasps that lifted in the perturbed repeats too.
-    pub reliable: usize,
-    /// Of these, tried with arm and hand, and lifted there too.
-    pub confirmed: [usize; 2],
+    /// Candidate palm poses. This and the next three counts are 0 if the grasps were selected from earlier
+    /// searches.
+    pub num_candidates: usize,
+    /// Candidates, perturbed ones included, whose closed hand has balanced contact forces.
+    pub num_closed: usize,
+    /// Closed candidates that were tried in physics with the hand only.
+    pub num_tried: usize,
+    /// Trials that lifted the object.
+    pub num_lifted: usize,
+    /// Grasps that also lifted the object in the perturbed repeats.
+    pub num_robust: usize,
+    /// Robust grasps that were tried with the full robot, and those of them that lifted the object.
+    pub full_robot_confirmed: [usize; 2],
 }
 
 impl GraspSet {
-    /// Whether the grasps were chosen among those of earlier searches, by how they bear a hand beside its place
-    /// ([`crate::tolerance`]).
-    pub(crate) fn is_chosen(&self) -> bool {
-        self.proposed == 0
+    /// Whether the grasps were selected from earlier searches by their robustness to hand pose error
+    /// ([`crate::robustness`]).
+    pub(crate) fn is_curated(&self) -> bool {
+        self.num_candidates == 0
     }
 
-    /// These grasps, and those of another set after them, as more kinds; counts of both.
-    pub fn followed_by(mut self, later: Self) -> Self {
-        let kinds = self.grasps.last().map_or(0, |last| last.kind + 1);
-        let later_kinds = later.grasps.into_iter();
-        self.grasps.extend(later_kinds.map(|grasp| Grasp { kind: kinds + grasp.kind, ..grasp }));
+    /// Appends the grasps of another set as further clusters and adds the counts.
+    pub fn chain(mut self, later: Self) -> Self {
+        let num_clusters = self.grasps.last().map_or(0, |last| last.cluster + 1);
+        let later_grasps = later.grasps.into_iter();
+        self.grasps.extend(
+            later_grasps.map(|grasp| Grasp { cluster: num_clusters + grasp.cluster, ..grasp }),
+        );
         Self {
             grasps: self.grasps,
-            proposed: self.proposed + later.proposed,
-            closed: self.closed + later.closed,
-            tried: self.tried + later.tried,
-            lifted: self.lifted + later.lifted,
-            reliable: self.reliable + later.reliable,
-            confirmed: std::array::from_fn(|i| self.confirmed[i] + later.confirmed[i]),
+            num_candidates: self.num_candidates + later.num_candidates,
+            num_closed: self.num_closed + later.num_closed,
+            num_tried: self.num_tried + later.num_tried,
+            num_lifted: self.num_lifted + later.num_lifted,
+            num_robust: self.num_robust + later.num_robust,
+            full_robot_confirmed: std::array::from_fn(|i| {
+                self.full_robot_confirmed[i] + later.full_robot_confirmed[i]
+            }),
         }
     }
 }

@@ -1,27 +1,29 @@
-//! Grasps found by search: proposals around an object, kinematic closing, a wrench test, a trial in physics.
+//! Grasp search: candidates around an object, kinematic closing, contact-force balance, physics trial,
+//! clustering.
 //!
-//! In: an object. Out: grasps that lift it (paper §II-A). Knows nothing of networks.
+//! In: an object. Out: grasps that lift it, and demonstrations of them (paper §II-A). Independent of the
+//! networks.
 
-pub mod built_in;
-pub mod choice;
+pub mod candidates;
+pub mod catalog;
 pub mod closing;
-pub mod cluster;
+pub mod clusters;
+pub mod contact_forces;
 pub mod demonstration;
 pub mod grasp;
 pub mod grasp_set;
 pub mod import;
-pub mod kind;
+pub mod k_medoids;
 pub mod lift;
-pub mod place;
-pub mod proposal;
-pub mod reach;
+pub mod object_poses;
+pub mod reachability;
+pub mod robustness;
 pub mod search;
-pub mod sides;
-pub mod squeeze;
-pub mod tolerance;
+pub mod selection;
+pub mod symmetry;
 pub mod transfer;
 pub mod trial;
 
 pub use grasp::{Grasp, Posture};
 pub use grasp_set::GraspSet;
-pub use reach::{Robot, Setting, Way};
+pub use reachability::{GraspBranch, PlacedObject, RobotContext};

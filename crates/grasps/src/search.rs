@@ -1,175 +1,179 @@
-//! Search: many proposals, the strongest ones tried in physics and varied, the reliable ones clustered.
+//! Grasp search: many candidates; the best ones are tried in physics, perturbed, and clustered if robust.
 
+use crate::candidates::{self, CandidateConfig, SearchTarget, evaluate_candidate};
+use crate::clusters::{self, ScoredGrasp, half_turn};
+use crate::contact_forces::Squeeze;
 use crate::grasp::Grasp;
-use crate::import::Imported;
-use crate::kind::{self, Scored, half_turn};
-use crate::place::{Planned, reach, reach_poses};
-use crate::proposal::{self, ProposalConfig, Subject, propose};
-use crate::squeeze::Squeeze;
-use crate::trial::{Endurance, Physics, TrialOutcome};
-use crate::{GraspSet, Robot, Setting, cluster};
-use geometry::object::Object;
+use crate::import::ImportedGrasp;
+use crate::object_poses::{PlannedGrasp, coverage_poses, reachability};
+use crate::trial::{Physics, TrialOutcome, TrialProtocol};
+use crate::{GraspSet, PlacedObject, RobotContext, k_medoids};
+use objects::object::Object;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use robot::Isometry;
 use scene::SceneError;
 
-/// How long is searched and what counts as reliable.
+/// Effort of a search, and the criteria of a robust grasp.
 #[derive(Clone, Debug)]
 pub struct SearchConfig {
-    /// Palm poses proposed at most.
-    pub proposals: usize,
-    /// Proposals with balanced forces that are enough.
-    pub closings: usize,
-    /// Reliable grasps among the strongest of these that are enough.
-    pub enough: usize,
-    /// Medoids of the most reliable grasps, around which and then around whose half turns is searched
-    /// again.
-    pub centers: usize,
-    /// Palm poses proposed around each of these at most.
-    pub variants: usize,
-    /// Lifting grasps around one of these that are enough.
-    pub enough_variants: usize,
-    /// How far such palm poses lie from it along each axis (m).
+    /// Maximum number of candidate palm poses.
+    pub max_candidates: usize,
+    /// The first stage stops at this many candidates with balanced forces.
+    pub max_closed: usize,
+    /// Trials of these candidates stop at this many robust grasps.
+    pub target_robust: usize,
+    /// Medoids of the most robust grasps. The search continues around these, then around their half turns.
+    pub num_refine_seeds: usize,
+    /// Maximum number of perturbed palm poses per medoid.
+    pub max_perturbations: usize,
+    /// Perturbation of a medoid stops at this many lifting grasps.
+    pub target_per_seed: usize,
+    /// Maximum perturbation of the palm along each of its axes (m).
     pub palm_shift: f64,
-    /// How far they are turned about each axis (rad).
+    /// Maximum perturbation of the palm about each of its axes (rad).
     pub palm_turn: f64,
-    /// Perturbed repeats of a trial that lifted.
-    pub repeats: usize,
-    /// Of these, how many must lift again.
-    pub least_lifted: usize,
-    /// Greatest shift of the object in a repeat along x and y (m).
+    /// Number of perturbed repeats of a trial that lifted.
+    pub num_repeats: usize,
+    /// Minimum number of repeats that must lift.
+    pub min_repeat_successes: usize,
+    /// Maximum displacement of the object in a repeat along x and y (m).
     pub object_shift: f32,
-    /// Greatest turn of the object in a repeat (rad).
+    /// Maximum yaw displacement of the object in a repeat (rad).
     pub object_turn: f32,
-    /// Greatest slip of the object in the palm (m) in a trial that counts as lifted.
-    pub slip: f32,
-    /// Kinds of grasps that remain after clustering (paper §II-A: N = 7).
-    pub kinds: usize,
-    /// What is proposed.
-    pub proposal: ProposalConfig,
+    /// Maximum slip of the object in the palm (m) in a trial that counts as lifted.
+    pub max_slip: f32,
+    /// Number of clusters (paper §II-A: N = 7).
+    pub num_clusters: usize,
+    /// How candidates are sampled and rejected.
+    pub candidate: CandidateConfig,
 }
 
 impl SearchConfig {
-    /// The paper's N; the other figures are ours. Repeats are perturbed by about what a policy that sees
-    /// one cloud is off.
-    pub fn paper(robot: &Robot) -> Self {
+    /// The paper's N; the other values are ours. The perturbation of the repeats matches the pose error of a
+    /// policy that is conditioned on one point cloud.
+    pub fn paper(robot: &RobotContext) -> Self {
         Self {
-            proposals: 60_000,
-            closings: 250,
-            enough: 20,
-            centers: 6,
-            variants: 1500,
-            enough_variants: 5,
+            max_candidates: 60_000,
+            max_closed: 250,
+            target_robust: 20,
+            num_refine_seeds: 6,
+            max_perturbations: 1500,
+            target_per_seed: 5,
             palm_shift: 0.008,
             palm_turn: 0.1,
-            repeats: 10,
-            least_lifted: 7,
+            num_repeats: 10,
+            min_repeat_successes: 7,
             object_shift: 0.015,
             object_turn: 0.2,
-            slip: 0.025,
-            kinds: 7,
-            proposal: ProposalConfig::standard(&robot.config),
+            max_slip: 0.025,
+            num_clusters: 7,
+            candidate: CandidateConfig::standard(&robot.config),
         }
     }
 
-    /// Three times as many closings, reliable grasps and centres: for what is heavy, and has to be chosen well.
-    pub fn thorough(robot: &Robot) -> Self {
-        Self { closings: 800, enough: 60, centers: 18, ..Self::paper(robot) }
+    /// Three times as many closed candidates, robust grasps and medoids, for heavy objects, which few grasps
+    /// lift.
+    pub fn thorough(robot: &RobotContext) -> Self {
+        Self { max_closed: 800, target_robust: 60, num_refine_seeds: 18, ..Self::paper(robot) }
     }
 
-    /// A few reliable grasps of one kind or two, soon: for whoever waits.
-    pub fn quick(robot: &Robot) -> Self {
+    /// A few robust grasps in one or two clusters, for interactive use.
+    pub fn quick(robot: &RobotContext) -> Self {
         Self {
-            proposals: 12_000,
-            closings: 60,
-            enough: 4,
-            centers: 1,
-            variants: 200,
-            enough_variants: 2,
-            repeats: 4,
-            least_lifted: 3,
-            kinds: 3,
+            max_candidates: 12_000,
+            max_closed: 60,
+            target_robust: 4,
+            num_refine_seeds: 1,
+            max_perturbations: 200,
+            target_per_seed: 2,
+            num_repeats: 4,
+            min_repeat_successes: 3,
+            num_clusters: 3,
             ..Self::paper(robot)
         }
     }
 
-    /// For [`search_around`]: more of each, from fewer proposals.
-    pub fn around(robot: &Robot) -> Self {
-        Self { variants: 800, enough_variants: 8, ..Self::paper(robot) }
+    /// For [`refine_around`]: more robust grasps per palm pose, from fewer candidates.
+    pub fn refinement(robot: &RobotContext) -> Self {
+        Self { max_perturbations: 800, target_per_seed: 8, ..Self::paper(robot) }
     }
 }
 
-/// A search under way.
+/// State of a running search.
 pub(crate) struct Search<'a> {
-    pub(crate) robot: &'a Robot,
+    pub(crate) robot: &'a RobotContext,
     pub(crate) object: &'a Object,
-    anywhere: Setting<'a>,
-    subject: Subject<'a>,
+    at_origin: PlacedObject<'a>,
+    target: SearchTarget<'a>,
     pub(crate) config: &'a SearchConfig,
-    /// Where the object stands in the repeats, the same for every grasp: x, y (m), yaw (rad).
-    beside: Vec<[f32; 3]>,
+    /// Displacements of the object in the repeats, the same for every grasp: x, y (m), yaw (rad).
+    perturbations: Vec<[f32; 3]>,
     pub(crate) rng: ChaCha8Rng,
-    pub(crate) proposed: usize,
-    pub(crate) closed: usize,
-    pub(crate) tried: usize,
+    pub(crate) num_candidates: usize,
+    pub(crate) num_closed: usize,
+    pub(crate) num_tried: usize,
 }
 
-/// Searches grasps of `object`, and gives all that are reliable too; `progress` gets the share done.
+/// Searches for grasps of `object`; also returns all robust grasps. `progress` receives the completed
+/// fraction (0..1).
 pub fn search(
-    robot: &Robot,
+    robot: &RobotContext,
     object: &Object,
     config: &SearchConfig,
     seed: u64,
     mut progress: impl FnMut(f32),
-) -> Result<(GraspSet, Vec<Scored>), SceneError> {
-    let mut search = Search::begin(robot, object, config, seed);
-    let mut scored = search.around_the_object(&mut |share| progress(0.5 * share))?;
+) -> Result<(GraspSet, Vec<ScoredGrasp>), SceneError> {
+    let mut search = Search::new(robot, object, config, seed);
+    let mut scored = search.search_globally(&mut |fraction| progress(0.5 * fraction))?;
     for (round, is_turned) in [false, true].into_iter().enumerate() {
-        let progress = &mut |share| progress(0.5 + 0.2 * (round as f32 + share));
-        scored.extend(search.around(&scored, is_turned, progress)?);
+        let progress = &mut |fraction| progress(0.5 + 0.2 * (round as f32 + fraction));
+        scored.extend(search.refine_best(&scored, is_turned, progress)?);
     }
-    search.end(scored, &mut |share| progress(0.9 + 0.1 * share))
+    search.finish(scored, &mut |fraction| progress(0.9 + 0.1 * fraction))
 }
 
-/// Searches reliable grasps around a palm pose in the object's frame, as [`search`] does around the best that it finds.
-pub fn search_around(
-    robot: &Robot,
+/// Searches for robust grasps around a palm pose (object frame), as [`search`] does around its best grasps.
+pub fn refine_around(
+    robot: &RobotContext,
     object: &Object,
     config: &SearchConfig,
     palm: Isometry,
     seed: u64,
-) -> Result<Vec<Scored>, SceneError> {
-    let mut search = Search::begin(robot, object, config, seed);
-    let scored = search.around_each(&[palm], &mut |_| ())?;
-    Ok(scored.into_iter().filter(|found| found.again >= config.least_lifted).collect())
+) -> Result<Vec<ScoredGrasp>, SceneError> {
+    let mut search = Search::new(robot, object, config, seed);
+    let scored = search.refine_seeds(&[palm], &mut |_| ())?;
+    Ok(scored
+        .into_iter()
+        .filter(|found| found.repeat_successes >= config.min_repeat_successes)
+        .collect())
 }
 
-/// Tries grasps that come from elsewhere, as [`search`] tries its own.
+/// Tries imported grasps as [`search`] tries its own candidates.
 pub fn try_imported(
-    robot: &Robot,
+    robot: &RobotContext,
     object: &Object,
     config: &SearchConfig,
-    imported: &[Imported],
+    imported: &[ImportedGrasp],
     seed: u64,
     mut progress: impl FnMut(f32),
-) -> Result<(GraspSet, Vec<Scored>), SceneError> {
-    let mut search = Search::begin(robot, object, config, seed);
+) -> Result<(GraspSet, Vec<ScoredGrasp>), SceneError> {
+    let mut search = Search::new(robot, object, config, seed);
     let mut scored = Vec::new();
     for (i, row) in imported.iter().enumerate() {
         progress(0.9 * i as f32 / imported.len() as f32);
-        search.proposed += 1;
-        let proposal = row.config(&config.proposal);
-        if let Some((grasp, _)) = search.close(row.object_from_palm, &proposal) {
-            scored.extend(search.scored(&grasp)?);
+        search.num_candidates += 1;
+        let proposal = row.candidate_config(&config.candidate);
+        if let Some((grasp, _)) = search.close_at(row.object_from_palm, &proposal) {
+            scored.extend(search.score_grasp(&grasp)?);
         }
     }
-    search.end(scored, &mut |share| progress(0.9 + 0.1 * share))
+    search.finish(scored, &mut |fraction| progress(0.9 + 0.1 * fraction))
 }
 
 impl<'a> Search<'a> {
-    pub(crate) fn begin(
-        robot: &'a Robot,
+    pub(crate) fn new(
+        robot: &'a RobotContext,
         object: &'a Object,
         config: &'a SearchConfig,
         seed: u64,
@@ -177,114 +181,131 @@ impl<'a> Search<'a> {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let mut draw = |reach: f32| rng.random_range(-reach..=reach);
         let [shift, turn] = [config.object_shift, config.object_turn];
-        let beside = (0..config.repeats).map(|_| [draw(shift), draw(shift), draw(turn)]).collect();
-        let subject = Subject::new(object, &robot.config);
-        let (proposed, closed, tried) = (0, 0, 0);
-        let anywhere = Setting::anywhere(robot, object);
-        Self { robot, object, anywhere, subject, config, beside, rng, proposed, closed, tried }
+        let perturbations =
+            (0..config.num_repeats).map(|_| [draw(shift), draw(shift), draw(turn)]).collect();
+        Self {
+            robot,
+            object,
+            at_origin: PlacedObject::at_origin(robot, object),
+            target: SearchTarget::new(object, &robot.config),
+            config,
+            perturbations,
+            rng,
+            num_candidates: 0,
+            num_closed: 0,
+            num_tried: 0,
+        }
     }
 
-    /// Reliable grasps as a set of kinds.
-    fn end(
+    /// Filters the robust grasps and clusters them.
+    fn finish(
         &self,
-        scored: Vec<Scored>,
+        scored: Vec<ScoredGrasp>,
         progress: &mut dyn FnMut(f32),
-    ) -> Result<(GraspSet, Vec<Scored>), SceneError> {
-        let lifted = scored.len();
-        let least = self.config.least_lifted;
-        let reliable: Vec<_> = scored.into_iter().filter(|found| found.again >= least).collect();
-        let (grasps, confirmed) = self.confirmed_kinds(&reliable, progress)?;
+    ) -> Result<(GraspSet, Vec<ScoredGrasp>), SceneError> {
+        let num_lifted = scored.len();
+        let min = self.config.min_repeat_successes;
+        let robust: Vec<_> =
+            scored.into_iter().filter(|found| found.repeat_successes >= min).collect();
+        let (grasps, confirmed) = self.confirmed_clusters(&robust, progress)?;
         let set = GraspSet {
             grasps,
-            proposed: self.proposed,
-            closed: self.closed,
-            tried: self.tried,
-            lifted,
-            reliable: reliable.len(),
-            confirmed,
+            num_candidates: self.num_candidates,
+            num_closed: self.num_closed,
+            num_tried: self.num_tried,
+            num_lifted,
+            num_robust: robust.len(),
+            full_robot_confirmed: confirmed,
         };
-        Ok((set, reliable))
+        Ok((set, robust))
     }
 
-    /// Palm poses all around the object, and of those that close the strongest: each that lifts, with
-    /// its repeats that lifted.
-    fn around_the_object(
+    /// Samples palm poses all around the object and tries those with the strongest squeezes. Returns the
+    /// grasps that lift, scored in repeats.
+    fn search_globally(
         &mut self,
         progress: &mut dyn FnMut(f32),
-    ) -> Result<Vec<Scored>, SceneError> {
+    ) -> Result<Vec<ScoredGrasp>, SceneError> {
         let config = self.config;
         let mut found = Vec::new();
-        while self.proposed < config.proposals && found.len() < config.closings {
-            let palm = proposal::draw_palm(self.object, &config.proposal, &mut self.rng);
-            found.extend(self.close(palm, &config.proposal));
-            self.proposed += 1;
-            if self.proposed.is_multiple_of(256) {
-                let share = found.len() as f32 / config.closings as f32;
-                progress(0.5 * share.max(self.proposed as f32 / config.proposals as f32));
+        while self.num_candidates < config.max_candidates && found.len() < config.max_closed {
+            let palm = candidates::sample_palm(self.object, &config.candidate, &mut self.rng);
+            found.extend(self.close_at(palm, &config.candidate));
+            self.num_candidates += 1;
+            if self.num_candidates.is_multiple_of(256) {
+                let fraction = found.len() as f32 / config.max_closed as f32;
+                progress(
+                    0.5 * fraction.max(self.num_candidates as f32 / config.max_candidates as f32),
+                );
             }
         }
-        // What serves more poses comes first, if it is about as strong.
+        // At similar force margins, the grasp that covers more poses comes first.
         let worth = |(grasp, squeeze): (Grasp, Squeeze)| {
-            (squeeze.reserve.min(ENOUGH_RESERVE) * self.served(&grasp) as f64, grasp)
+            (
+                squeeze.force_margin.min(SUFFICIENT_FORCE_MARGIN) * self.coverage(&grasp) as f64,
+                grasp,
+            )
         };
         let mut found: Vec<_> = found.into_iter().map(worth).collect();
         found.sort_by(|a, b| b.0.total_cmp(&a.0));
         let mut scored = Vec::new();
         for (i, (_, grasp)) in found.iter().enumerate() {
             progress(0.5 + 0.5 * i as f32 / found.len() as f32);
-            scored.extend(self.scored(grasp)?);
-            let reliable = scored.iter().filter(|found| found.again >= config.least_lifted);
-            if reliable.count() == config.enough {
+            scored.extend(self.score_grasp(grasp)?);
+            let robust =
+                scored.iter().filter(|found| found.repeat_successes >= config.min_repeat_successes);
+            if robust.count() == config.target_robust {
                 break;
             }
         }
         Ok(scored)
     }
 
-    /// The same around the best of these, or around their half turns.
-    fn around(
+    /// Searches around the palm poses of the best grasps, or around their half turns.
+    fn refine_best(
         &mut self,
-        scored: &[Scored],
+        scored: &[ScoredGrasp],
         is_turned: bool,
         progress: &mut dyn FnMut(f32),
-    ) -> Result<Vec<Scored>, SceneError> {
+    ) -> Result<Vec<ScoredGrasp>, SceneError> {
         let config = self.config;
-        let mut best: Vec<&Scored> = scored.iter().collect();
+        let mut best: Vec<&ScoredGrasp> = scored.iter().collect();
         best.sort_by_cached_key(|found| {
-            std::cmp::Reverse(found.worth() * self.served(&found.grasp))
+            std::cmp::Reverse(found.score() * self.coverage(&found.grasp))
         });
-        best.truncate(3 * config.centers);
+        best.truncate(3 * config.num_refine_seeds);
         let poses: Vec<_> = best.iter().map(|found| found.grasp.object_from_palm).collect();
-        let mut centers: Vec<Isometry> = cluster::medoids(poses.len(), config.centers, |a, b| {
-            cluster::distance(&poses[a], &poses[b])
-        })
-        .into_iter()
-        .map(|i| poses[i])
-        .collect();
+        let mut seeds: Vec<Isometry> =
+            k_medoids::k_medoids(poses.len(), config.num_refine_seeds, |a, b| {
+                k_medoids::palm_distance(&poses[a], &poses[b])
+            })
+            .into_iter()
+            .map(|i| poses[i])
+            .collect();
         if is_turned {
-            centers.iter_mut().for_each(|pose| *pose = half_turn(self.object, pose));
+            seeds.iter_mut().for_each(|pose| *pose = half_turn(self.object, pose));
         }
-        self.around_each(&centers, progress)
+        self.refine_seeds(&seeds, progress)
     }
 
-    /// Palm poses around each of these: each that lifts, with its repeats that lifted.
-    fn around_each(
+    /// Perturbs each of these palm poses. Returns the grasps that lift, scored in repeats.
+    fn refine_seeds(
         &mut self,
-        centers: &[Isometry],
+        seeds: &[Isometry],
         progress: &mut dyn FnMut(f32),
-    ) -> Result<Vec<Scored>, SceneError> {
+    ) -> Result<Vec<ScoredGrasp>, SceneError> {
         let config = self.config;
         let mut scored = Vec::new();
-        for (i, center) in centers.iter().enumerate() {
-            progress(i as f32 / centers.len() as f32);
+        for (i, seed) in seeds.iter().enumerate() {
+            progress(i as f32 / seeds.len() as f32);
             let before = scored.len();
-            for _ in 0..config.variants {
+            for _ in 0..config.max_perturbations {
                 let (shift, turn) = (config.palm_shift, config.palm_turn);
-                let palm = proposal::vary_palm(center, shift, turn, &mut self.rng);
-                if let Some((grasp, _)) = self.close(palm, &config.proposal) {
-                    scored.extend(self.scored(&grasp)?);
+                let palm = candidates::perturb_palm(seed, shift, turn, &mut self.rng);
+                if let Some((grasp, _)) = self.close_at(palm, &config.candidate) {
+                    scored.extend(self.score_grasp(&grasp)?);
                 }
-                if scored.len() == before + config.enough_variants {
+                if scored.len() == before + config.target_per_seed {
                     break;
                 }
             }
@@ -292,82 +313,90 @@ impl<'a> Search<'a> {
         Ok(scored)
     }
 
-    /// Object poses, of a fifth of those at which reach is counted, at which a grasp is within reach.
-    fn served(&self, grasp: &Grasp) -> usize {
-        let few: Vec<_> = reach_poses(self.robot).into_iter().step_by(5).collect();
-        reach(&self.anywhere, &few, grasp).into_iter().filter(|is_within| *is_within).count()
+    /// Coverage of a grasp: the number of poses, of every fifth coverage pose, at which it is reachable.
+    fn coverage(&self, grasp: &Grasp) -> usize {
+        let few: Vec<_> = coverage_poses(self.robot).into_iter().step_by(5).collect();
+        reachability(&self.at_origin, &few, grasp)
+            .into_iter()
+            .filter(|is_within| *is_within)
+            .count()
     }
 
-    /// The grasp that closing at a palm pose gives.
-    pub(crate) fn close(
+    /// Closes the hand at a palm pose; `None` if the candidate is rejected.
+    pub(crate) fn close_at(
         &mut self,
         palm: Isometry,
-        config: &ProposalConfig,
+        config: &CandidateConfig,
     ) -> Option<(Grasp, Squeeze)> {
-        let found = propose(self.robot, &self.subject, config, palm, &mut self.rng).ok();
-        self.closed += usize::from(found.is_some());
+        let found = evaluate_candidate(self.robot, &self.target, config, palm, &mut self.rng).ok();
+        self.num_closed += usize::from(found.is_some());
         found
     }
 
-    /// The grasp, if it lifts where it is easiest to reach, how many of the perturbed repeats lifted too, and
-    /// how it bears shaking; this ends where too many are lost.
-    pub(crate) fn scored(&mut self, grasp: &Grasp) -> Result<Option<Scored>, SceneError> {
-        let planned = Planned::easiest(&self.anywhere, grasp)?;
+    /// Tries a grasp at the object yaw that is easiest to reach, then in perturbed repeats and under shaking.
+    /// `None` if the first trial fails; the repeats stop when too many have failed.
+    pub(crate) fn score_grasp(&mut self, grasp: &Grasp) -> Result<Option<ScoredGrasp>, SceneError> {
+        let planned = PlannedGrasp::plan_at_easiest_yaw(&self.at_origin, grasp)?;
         let Some(planned) = planned else { return Ok(None) };
-        self.tried += 1;
-        let mut found = Scored { grasp: grasp.clone(), again: 0, shaken: None };
-        let still = [0.0; 3];
-        if !self.lifts(Physics::Hand, &planned, still, Endurance::BRIEF)? {
+        self.num_tried += 1;
+        let mut found = ScoredGrasp { grasp: grasp.clone(), repeat_successes: 0, shake_slip: None };
+        let unperturbed = [0.0; 3];
+        if !self.lifts(Physics::HandOnly, &planned, unperturbed, TrialProtocol::SHORT)? {
             return Ok(None);
         }
         let config = self.config;
-        let mut lost = 0;
-        for beside in &self.beside {
-            let lifts = self.lifts(Physics::Hand, &planned, *beside, Endurance::BRIEF)?;
-            lost += usize::from(!lifts);
-            if lost + config.least_lifted > config.repeats {
+        let mut num_failed = 0;
+        for perturbation in &self.perturbations {
+            let lifts =
+                self.lifts(Physics::HandOnly, &planned, *perturbation, TrialProtocol::SHORT)?;
+            num_failed += usize::from(!lifts);
+            if num_failed + config.min_repeat_successes > config.num_repeats {
                 return Ok(Some(found));
             }
         }
-        found.again = config.repeats - lost;
-        if let TrialOutcome::Lifted { slip } = planned.try_beside(Physics::Hand, still, SHAKEN)? {
-            found.shaken = Some(slip);
+        found.repeat_successes = config.num_repeats - num_failed;
+        let outcome = planned.try_perturbed(Physics::HandOnly, unperturbed, SHAKE_TRIAL)?;
+        if let TrialOutcome::Lifted { slip } = outcome {
+            found.shake_slip = Some(slip);
         }
         Ok(Some(found))
     }
 
-    /// The kinds of the reliable grasps, each of which arm and hand lift too, and how many have been tried so:
-    /// those that are not lifted are left out, and the kinds chosen anew.
-    fn confirmed_kinds(
+    /// Clusters the robust grasps and confirms each cluster with the full robot. A grasp that fails there is
+    /// removed, and the rest is clustered again. Also returns the numbers of tried and confirmed grasps.
+    fn confirmed_clusters(
         &self,
-        reliable: &[Scored],
+        robust: &[ScoredGrasp],
         progress: &mut dyn FnMut(f32),
     ) -> Result<(Vec<Grasp>, [usize; 2]), SceneError> {
-        let mut left = reliable.to_vec();
-        let poses = reach_poses(self.robot);
-        let of = |found: &Scored| reach(&self.anywhere, &poses, &found.grasp);
-        let mut reach: Vec<_> = left.iter().map(of).collect();
-        let (mut sound, mut tried) = (Vec::new(), 0);
+        let mut remaining = robust.to_vec();
+        let poses = coverage_poses(self.robot);
+        let of = |found: &ScoredGrasp| reachability(&self.at_origin, &poses, &found.grasp);
+        let mut reach: Vec<_> = remaining.iter().map(of).collect();
+        let (mut confirmed, mut tried) = (Vec::new(), 0);
         loop {
-            let chosen = kind::kinds(self.object, &left, &reach, self.config.kinds);
-            let place = |grasp: &Grasp| (grasp.object_from_palm, grasp.touch, grasp.squeeze);
-            let new = chosen.iter().find(|grasp| !sound.contains(&place(grasp)));
-            let Some(new) = new else { return Ok((chosen, [tried, sound.len()])) };
-            progress(sound.len() as f32 / chosen.len() as f32);
+            let chosen =
+                clusters::cluster_grasps(self.object, &remaining, &reach, self.config.num_clusters);
+            let key = |grasp: &Grasp| (grasp.object_from_palm, grasp.grasp, grasp.squeeze);
+            let new = chosen.iter().find(|grasp| !confirmed.contains(&key(grasp)));
+            let Some(new) = new else { return Ok((chosen, [tried, confirmed.len()])) };
+            progress(confirmed.len() as f32 / chosen.len() as f32);
             tried += 1;
             if self.is_confirmed(new)? {
-                sound.push(place(new));
-            } else if let Some(i) = left.iter().position(|found| place(&found.grasp) == place(new))
+                confirmed.push(key(new));
+            } else if let Some(i) = remaining.iter().position(|found| key(&found.grasp) == key(new))
             {
-                left.remove(i);
+                remaining.remove(i);
                 reach.remove(i);
             }
         }
     }
 
     pub(crate) fn is_confirmed(&self, grasp: &Grasp) -> Result<bool, SceneError> {
-        match Planned::easiest(&self.anywhere, grasp)? {
-            Some(planned) => self.lifts(Physics::Full, &planned, [0.0; 3], Endurance::BRIEF),
+        match PlannedGrasp::plan_at_easiest_yaw(&self.at_origin, grasp)? {
+            Some(planned) => {
+                self.lifts(Physics::FullRobot, &planned, [0.0; 3], TrialProtocol::SHORT)
+            }
             None => Ok(false),
         }
     }
@@ -375,17 +404,17 @@ impl<'a> Search<'a> {
     fn lifts(
         &self,
         physics: Physics,
-        planned: &Planned,
-        beside: [f32; 3],
-        endurance: Endurance,
+        planned: &PlannedGrasp,
+        perturbation: [f32; 3],
+        protocol: TrialProtocol,
     ) -> Result<bool, SceneError> {
-        let outcome = planned.try_beside(physics, beside, endurance)?;
-        Ok(matches!(outcome, TrialOutcome::Lifted { slip } if slip <= self.config.slip))
+        let outcome = planned.try_perturbed(physics, perturbation, protocol)?;
+        Ok(matches!(outcome, TrialOutcome::Lifted { slip } if slip <= self.config.max_slip))
     }
 }
 
-/// A short hold, then shaken.
-const SHAKEN: Endurance = Endurance { is_shaken: true, ..Endurance::BRIEF };
+/// A short hold, then shaking.
+const SHAKE_TRIAL: TrialProtocol = TrialProtocol { is_shaken: true, ..TrialProtocol::SHORT };
 
-/// A squeeze with so many times the needed forces is strong enough.
-const ENOUGH_RESERVE: f64 = 2.0;
+/// Force margin above which stronger squeezes rank equal.
+const SUFFICIENT_FORCE_MARGIN: f64 = 2.0;

@@ -1,113 +1,132 @@
-//! Grasps of an object carried over to one that is like it: moved with the surface, closed again, and tried.
+//! Transfer of grasps to a similar object: move the palm with the surface, close the hand again, test in
+//! physics.
 //!
-//! A search of its own would find other grasps for every object. Carried over, objects that look alike are grasped
-//! alike, and a policy that has learned some of them may know what to do with the next.
+//! Separate searches would find different grasps for each object. With transfer, similar objects get similar
+//! grasps, and a policy can generalise from some of them to the next.
 
+use crate::candidates::{self, CandidateConfig, SearchTarget, evaluate_candidate};
+use crate::clusters::{ScoredGrasp, half_turn};
 use crate::grasp::Grasp;
-use crate::kind::{Scored, half_turn};
-use crate::proposal::{self, ProposalConfig, Subject, propose};
 use crate::search::{Search, SearchConfig};
-use crate::{GraspSet, Robot, cluster, tolerance};
-use geometry::object::Object;
-use geometry::proportions::Proportions;
+use crate::{GraspSet, RobotContext, k_medoids, robustness};
+use objects::object::Object;
+use objects::shape_variant::ShapeVariant;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
-use robot::{ARM, Isometry, Vector, rotation};
+use robot::{ARM_DOF, Isometry, Vector, rotation};
 use scene::SceneError;
 
-/// Palm poses about the one that is carried over, of which the first reliable ones count.
-const TRIES: usize = 40;
-/// So many reliable ones (twice as many where they have to be tolerant), of which the nearest to the one that is
-/// carried over is taken: of variants that are grasped each a centimetre otherwise, a policy learns nothing that it
-/// could do with the next.
-const ENOUGH: usize = 3;
+/// Maximum number of palm poses around the transferred one; the search stops at the first robust grasps.
+const MAX_TRIES: usize = 40;
+/// Number of robust grasps that suffice; doubled if robustness to hand pose error is required. The one
+/// closest to the transferred pose is selected: a policy cannot generalise from variants whose grasps differ
+/// by 10 mm.
+const ENOUGH_ROBUST: usize = 3;
 
-/// Tries the grasps `set` of the object `from` on `object`, which has these `proportions` of it; those that are reliable
-/// there keep their kinds and order.
+/// Transfers the grasps `set` of the object `from` to `object`, a `variant` of it.
+/// Grasps that are robust there keep their cluster and order.
 ///
-/// Grasps that were chosen by how they bear a hand beside its place must bear it here as well: one above the shoulder of a
-/// bottle may not, on a lower one. Of two sides of a kind, one may be found and the other not, by a hair; it is then tried
-/// half a turn from the one that was. Without it, low bottles were not grasped at all where the other side is out of
-/// reach, far from the robot with their broad side in front, and a policy missed the mustard there.
+/// Grasps that were selected for their robustness to hand pose error must also be robust here: one above the
+/// shoulder of a bottle may not be, on a lower bottle. Of a grasp and its half-turn counterpart, only one may
+/// be found, by a narrow margin. The other is then tried half a turn from it. Without this step, low bottles
+/// were not grasped at all where the counterpart is unreachable, far from the robot with their broad side in
+/// front, and a policy missed the mustard bottle there.
 pub fn transfer(
-    robot: &Robot,
+    robot: &RobotContext,
     from: &Object,
     set: &GraspSet,
     object: &Object,
-    proportions: &Proportions,
+    variant: &ShapeVariant,
     config: &SearchConfig,
     seed: u64,
 ) -> Result<GraspSet, SceneError> {
-    let search = Search::begin(robot, object, config, seed);
-    let is_tolerant = set.is_chosen();
-    let mut tries = Tries { search, is_tolerant, lifted: 0, reliable: 0, confirmed: [0; 2] };
+    let search = Search::new(robot, object, config, seed);
+    let is_curated = set.is_curated();
+    let mut tries = TransferSearch {
+        search,
+        is_curated,
+        num_lifted: 0,
+        num_robust: 0,
+        full_robot_confirmed: [0; 2],
+    };
     let mut found = Vec::new();
     for grasp in &set.grasps {
-        let palm = carried(robot, from, proportions, grasp);
-        found.push(tries.near(&palm, grasp)?);
+        let palm = transfer_palm(robot, from, variant, grasp);
+        found.push(tries.find_near(&palm, grasp)?);
     }
     for (i, grasp) in set.grasps.iter().enumerate() {
-        let other = found.iter().flatten().find(|other: &&Grasp| other.kind == grasp.kind);
+        let other = found.iter().flatten().find(|other: &&Grasp| other.cluster == grasp.cluster);
         if let (None, Some(other)) = (&found[i], other) {
             let palm = half_turn(object, &other.object_from_palm);
-            found[i] = tries.near(&palm, grasp)?;
+            found[i] = tries.find_near(&palm, grasp)?;
         }
     }
-    let Tries { search, lifted, reliable, confirmed, .. } = tries;
-    let Search { proposed, closed, tried, .. } = search;
+    let TransferSearch { search, num_lifted, num_robust, full_robot_confirmed, .. } = tries;
+    let Search { num_candidates, num_closed, num_tried, .. } = search;
     let grasps = found.into_iter().flatten().collect();
-    Ok(GraspSet { grasps, proposed, closed, tried, lifted, reliable, confirmed })
+    Ok(GraspSet {
+        grasps,
+        num_candidates,
+        num_closed,
+        num_tried,
+        num_lifted,
+        num_robust,
+        full_robot_confirmed,
+    })
 }
 
-/// Grasps that are tried on an object, and how many came how far.
-struct Tries<'a> {
+/// A search for transferred grasps on one object, with its counts.
+struct TransferSearch<'a> {
     search: Search<'a>,
-    /// Whether they must bear a hand beside its place.
-    is_tolerant: bool,
-    lifted: usize,
-    reliable: usize,
-    confirmed: [usize; 2],
+    /// Whether grasps must be robust to hand pose error.
+    is_curated: bool,
+    num_lifted: usize,
+    num_robust: usize,
+    full_robot_confirmed: [usize; 2],
 }
 
-impl Tries<'_> {
-    /// A grasp like `grasp` with the palm there, or nearly so.
-    fn near(&mut self, palm: &Isometry, grasp: &Grasp) -> Result<Option<Grasp>, SceneError> {
+impl TransferSearch<'_> {
+    /// Searches for a grasp near the palm pose `palm`, with the pregrasp posture and the cluster of `grasp`.
+    fn find_near(&mut self, palm: &Isometry, grasp: &Grasp) -> Result<Option<Grasp>, SceneError> {
         let (robot, object, config) = (self.search.robot, self.search.object, self.search.config);
-        let enough = if self.is_tolerant { 2 * ENOUGH } else { ENOUGH };
-        let proposal = ProposalConfig { open: grasp.open, ..config.proposal.clone() };
-        let mut found: Vec<Scored> = Vec::new();
-        for try_ in 0..TRIES {
+        let enough = if self.is_curated { 2 * ENOUGH_ROBUST } else { ENOUGH_ROBUST };
+        let proposal = CandidateConfig { pregrasp: grasp.pregrasp, ..config.candidate.clone() };
+        let mut found: Vec<ScoredGrasp> = Vec::new();
+        for index in 0..MAX_TRIES {
             if found.len() == enough {
                 break;
             }
-            let around = (config.palm_shift, config.palm_turn);
-            let pose = beside(palm, try_, around, &mut self.search.rng);
-            self.search.proposed += 1;
-            let Some((closed, _)) = self.search.close(pose, &proposal) else { continue };
-            let Some(scored) = self.search.scored(&closed)? else { continue };
-            self.lifted += 1;
-            if scored.again >= config.least_lifted {
+            let perturbation = (config.palm_shift, config.palm_turn);
+            let pose = perturbed_palm(palm, index, perturbation, &mut self.search.rng);
+            self.search.num_candidates += 1;
+            let Some((closed, _)) = self.search.close_at(pose, &proposal) else { continue };
+            let Some(scored) = self.search.score_grasp(&closed)? else { continue };
+            self.num_lifted += 1;
+            if scored.repeat_successes >= config.min_repeat_successes {
                 found.push(scored);
             }
         }
-        self.reliable += found.len();
-        let far = |scored: &Scored| cluster::distance(palm, &scored.grasp.object_from_palm);
+        self.num_robust += found.len();
+        let far =
+            |scored: &ScoredGrasp| k_medoids::palm_distance(palm, &scored.grasp.object_from_palm);
         found.sort_by(|a, b| far(a).total_cmp(&far(b)));
         let mut best: Option<(f64, Grasp)> = None;
-        for Scored { grasp: near, .. } in found {
-            self.confirmed[0] += 1;
+        for ScoredGrasp { grasp: near, .. } in found {
+            self.full_robot_confirmed[0] += 1;
             if !self.search.is_confirmed(&near)?
-                || !tolerance::is_approachable(robot, object, &near)?
+                || !robustness::is_approachable(robot, object, &near)?
             {
                 continue;
             }
-            self.confirmed[1] += 1;
-            let share =
-                if self.is_tolerant { tolerance::share(robot, object, &near)? } else { 1.0 };
-            if share >= tolerance::LEAST && best.as_ref().is_none_or(|(most, _)| share > *most) {
-                best = Some((share, Grasp { kind: grasp.kind, ..near }));
+            self.full_robot_confirmed[1] += 1;
+            let rate =
+                if self.is_curated { robustness::success_rate(robot, object, &near)? } else { 1.0 };
+            if rate >= robustness::MIN_RATE
+                && best.as_ref().is_none_or(|(best_rate, _)| rate > *best_rate)
+            {
+                best = Some((rate, Grasp { cluster: grasp.cluster, ..near }));
             }
-            if share >= tolerance::GOOD {
+            if rate >= robustness::GOOD_RATE {
                 break;
             }
         }
@@ -115,52 +134,65 @@ impl Tries<'_> {
     }
 }
 
-/// A grasp of `from` carried over to `object`, which has these `proportions` of it, and closed there or nearly there; not
-/// tried in physics. `None` if the hand collides wherever it is put, or its fingers do not hold.
-pub(crate) fn closed_again(
-    robot: &Robot,
+/// Transfers a grasp of `from` to `object`, a `variant` of it, and closes the hand at
+/// or near the transferred palm pose. No trial in physics. `None` if all tried palm poses collide or give no
+/// stable grasp.
+pub(crate) fn reclose(
+    robot: &RobotContext,
     from: &Object,
     grasp: &Grasp,
     object: &Object,
-    proportions: &Proportions,
+    variant: &ShapeVariant,
 ) -> Option<Grasp> {
-    let (of_search, mut rng) = (SearchConfig::paper(robot), ChaCha8Rng::seed_from_u64(79));
-    let config = ProposalConfig { open: grasp.open, ..of_search.proposal };
-    let palm = carried(robot, from, proportions, grasp);
-    let subject = Subject::new(object, &robot.config);
-    (0..TRIES).find_map(|try_| {
-        let palm = beside(&palm, try_, (of_search.palm_shift, of_search.palm_turn), &mut rng);
-        propose(robot, &subject, &config, palm, &mut rng).ok().map(|(grasp, _)| grasp)
+    let (search_config, mut rng) = (SearchConfig::paper(robot), ChaCha8Rng::seed_from_u64(79));
+    let config = CandidateConfig { pregrasp: grasp.pregrasp, ..search_config.candidate };
+    let palm = transfer_palm(robot, from, variant, grasp);
+    let subject = SearchTarget::new(object, &robot.config);
+    (0..MAX_TRIES).find_map(|index| {
+        let palm = perturbed_palm(
+            &palm,
+            index,
+            (search_config.palm_shift, search_config.palm_turn),
+            &mut rng,
+        );
+        evaluate_candidate(robot, &subject, &config, palm, &mut rng).ok().map(|(grasp, _)| grasp)
     })
 }
 
-/// The palm pose of a try: the first is `palm` itself, others lie up to `shift` (m) and `turn` (rad) beside it.
-fn beside(
+/// Palm pose of a try: the first is `palm` itself, the others are perturbed by up to `shift` (m) and `turn`
+/// (rad).
+fn perturbed_palm(
     palm: &Isometry,
-    try_: usize,
+    index: usize,
     (shift, turn): (f64, f64),
     rng: &mut ChaCha8Rng,
 ) -> Isometry {
-    if try_ == 0 { *palm } else { proposal::vary_palm(palm, shift, turn, rng) }
+    if index == 0 { *palm } else { candidates::perturb_palm(palm, shift, turn, rng) }
 }
 
-/// Where the palm of a grasp of `from` comes when what it holds takes these proportions: it moves as the surface does
-/// between the fingertips and the thumb.
+/// Palm pose of a transferred grasp: it moves as the surface does at the midpoint between fingertips and
+/// thumb.
 ///
-/// Not as the middle of the hand does: from above that is over the top, and a bottle's shoulder sinks where its top does
-/// not.
-fn carried(robot: &Robot, from: &Object, proportions: &Proportions, grasp: &Grasp) -> Isometry {
-    let held = held(robot, grasp);
-    let place = proportions.place(rotation::to_vec3(&held), from.bounds[1].z);
-    let shift = rotation::to_vector(place) - held;
+/// The palm itself is not the reference. In a grasp from above it is over the top, and the shoulder of a
+/// bottle drops where its top does not.
+fn transfer_palm(
+    robot: &RobotContext,
+    from: &Object,
+    variant: &ShapeVariant,
+    grasp: &Grasp,
+) -> Isometry {
+    let center = grasp_center(robot, grasp);
+    let moved = variant.map_point(rotation::to_vec3(&center), from.bounds[1].z);
+    let shift = rotation::to_vector(moved) - center;
     Isometry::translation(shift.x, shift.y, shift.z) * grasp.object_from_palm
 }
 
-/// The middle between the fingertips and the thumb's where they touch (m, the object's frame).
-fn held(robot: &Robot, grasp: &Grasp) -> Vector {
-    let kinematics = robot.tree.kinematics(&robot::join(&[0.0; ARM], &grasp.touch));
-    let object_from_world = grasp.object_from_palm * kinematics.palm().inverse();
-    let [fingers @ .., thumb] = kinematics.tips();
+/// Midpoint between the mean fingertip and the thumb's tip in the grasp posture (m, object frame).
+fn grasp_center(robot: &RobotContext, grasp: &Grasp) -> Vector {
+    let kinematics =
+        robot.tree.forward_kinematics(&robot::joint_vector(&[0.0; ARM_DOF], &grasp.grasp));
+    let object_from_world = grasp.object_from_palm * kinematics.palm_pose().inverse();
+    let [fingers @ .., thumb] = kinematics.fingertips();
     let fingers = fingers.iter().sum::<Vector>() / fingers.len() as f64;
     object_from_world.transform_point(&((fingers + thumb) / 2.0).into()).coords
 }
@@ -168,91 +200,95 @@ fn held(robot: &Robot, grasp: &Grasp) -> Vector {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::built_in::built_in;
+    use crate::catalog::catalog_grasps;
     use geometry::Vec3;
 
     #[test]
-    fn a_palm_moves_with_the_surface_that_its_fingers_hold() {
-        let robot = Robot::standard().unwrap();
-        let bleach = Object::built_in("bleach").unwrap();
-        let grasps = built_in("bleach").unwrap().grasps;
-        let down = |proportions: &Proportions, grasp: &Grasp| {
-            let moved = carried(&robot, &bleach, proportions, grasp);
+    fn palm_moves_with_the_grasped_surface() {
+        let robot = RobotContext::standard().unwrap();
+        let bleach = Object::from_catalog("bleach").unwrap();
+        let grasps = catalog_grasps("bleach").unwrap().grasps;
+        let displacement = |variant: &ShapeVariant, grasp: &Grasp| {
+            let moved = transfer_palm(&robot, &bleach, variant, grasp);
             assert_eq!(moved.rotation, grasp.object_from_palm.rotation);
             grasp.object_from_palm.translation.vector - moved.translation.vector
         };
-        let same = Proportions { scale: Vec3::ONE, sink: 0.0 };
-        let sunk = Proportions { sink: 0.2, ..same };
-        let half = Proportions { scale: Vec3::splat(0.5), ..same };
+        let same = ShapeVariant { scale: Vec3::ONE, shoulder_drop: 0.0 };
+        let sunk = ShapeVariant { shoulder_drop: 0.2, ..same };
+        let half = ShapeVariant { scale: Vec3::splat(0.5), ..same };
         for grasp in &grasps {
-            assert!(down(&same, grasp).norm() < 1e-7);
-            let by = down(&half, grasp);
-            assert!((by - held(&robot, grasp) / 2.0).norm() < 1e-7, "{by}");
-            // Nothing sinks by more than the shoulder.
-            let by = down(&sunk, grasp);
-            assert!(by.xy().norm() < 1e-7 && (0.005..0.0502).contains(&by.z), "{by}");
+            assert!(displacement(&same, grasp).norm() < 1e-7);
+            let drop = displacement(&half, grasp);
+            assert!((drop - grasp_center(&robot, grasp) / 2.0).norm() < 1e-7, "{drop}");
+            // The displacement does not exceed that of the shoulder.
+            let drop = displacement(&sunk, grasp);
+            assert!(drop.xy().norm() < 1e-7 && (0.005..0.0502).contains(&drop.z), "{drop}");
         }
-        // From above, the palm is over the top; what its fingers hold is not.
+        // In a grasp from above, the palm is over the top, and the grasp centre is below it.
         let height = |grasp: &&Grasp| grasp.object_from_palm.translation.z;
         let above = grasps.iter().max_by(|a, b| height(a).total_cmp(&height(b))).unwrap();
         let top = f64::from(bleach.bounds[1].z);
-        assert!(above.object_from_palm.translation.z > top && held(&robot, above).z < top);
+        assert!(above.object_from_palm.translation.z > top && grasp_center(&robot, above).z < top);
     }
 
     #[test]
-    fn a_grasp_that_is_carried_to_its_own_object_closes_on_the_same_place() {
-        let robot = Robot::standard().unwrap();
-        let object = Object::built_in("bleach").unwrap();
-        let same = Proportions { scale: Vec3::ONE, sink: 0.0 };
-        for grasp in &built_in("bleach").unwrap().grasps {
-            let again = closed_again(&robot, &object, grasp, &object, &same).unwrap();
-            let off = cluster::distance(&again.object_from_palm, &grasp.object_from_palm);
-            println!("kind {}: {off} m", grasp.kind);
-            assert!(off < 0.03, "{off} m");
+    fn reclose_on_same_object_returns_nearly_the_same_palm_pose() {
+        let robot = RobotContext::standard().unwrap();
+        let object = Object::from_catalog("bleach").unwrap();
+        let same = ShapeVariant { scale: Vec3::ONE, shoulder_drop: 0.0 };
+        for grasp in &catalog_grasps("bleach").unwrap().grasps {
+            let again = reclose(&robot, &object, grasp, &object, &same).unwrap();
+            let error = k_medoids::palm_distance(&again.object_from_palm, &grasp.object_from_palm);
+            println!("cluster {}: {error} m", grasp.cluster);
+            assert!(error < 0.03, "{error} m");
         }
-        // Far beside it, nothing is there to close on.
-        let mut away = built_in("bleach").unwrap().grasps[0].clone();
+        // Far from the object, the fingers close on nothing.
+        let mut away = catalog_grasps("bleach").unwrap().grasps[0].clone();
         away.object_from_palm.translation.z += 0.3;
-        assert!(closed_again(&robot, &object, &away, &object, &same).is_none());
+        assert!(reclose(&robot, &object, &away, &object, &same).is_none());
     }
 
     #[test]
-    fn a_variant_is_grasped_as_its_object_is() {
-        let robot = Robot::standard().unwrap();
-        let [from, to] = ["sugar_box", "sugar_box.1"].map(|name| Object::built_in(name).unwrap());
-        let proportions = Proportions::of_variant(1);
-        let mut set = built_in("sugar_box").unwrap();
+    fn variant_gets_the_clusters_and_palm_poses_of_its_object() {
+        let robot = RobotContext::standard().unwrap();
+        let [from, to] =
+            ["sugar_box", "sugar_box.1"].map(|name| Object::from_catalog(name).unwrap());
+        let variant = ShapeVariant::by_number(1);
+        let mut set = catalog_grasps("sugar_box").unwrap();
         set.grasps.truncate(2);
         let config = SearchConfig::paper(&robot);
-        let found = transfer(&robot, &from, &set, &to, &proportions, &config, 0).unwrap();
-        let kinds = |set: &GraspSet| set.grasps.iter().map(|g| g.kind).collect::<Vec<_>>();
+        let found = transfer(&robot, &from, &set, &to, &variant, &config, 0).unwrap();
+        let kinds = |set: &GraspSet| set.grasps.iter().map(|g| g.cluster).collect::<Vec<_>>();
         assert_eq!(kinds(&found), kinds(&set), "{found:?}");
         for (old, new) in set.grasps.iter().zip(&found.grasps) {
             let turned = rotation::angle_between(
                 &old.object_from_palm.rotation,
                 &new.object_from_palm.rotation,
             );
-            assert!(turned < 1e-9, "turned by {turned} rad");
-            let wanted = carried(&robot, &from, &proportions, old);
-            assert!(cluster::distance(&wanted, &new.object_from_palm) < 1e-9);
+            assert!(turned < 1e-9, "rotated by {turned} rad");
+            let wanted = transfer_palm(&robot, &from, &variant, old);
+            assert!(k_medoids::palm_distance(&wanted, &new.object_from_palm) < 1e-9);
         }
     }
 
     #[test]
-    fn where_one_side_is_not_found_it_is_half_a_turn_from_the_other() {
-        let robot = Robot::standard().unwrap();
-        let object = Object::built_in("sugar_box").unwrap();
-        let mut set = built_in("sugar_box").unwrap();
+    fn missing_counterpart_is_found_half_a_turn_from_the_other_side() {
+        let robot = RobotContext::standard().unwrap();
+        let object = Object::from_catalog("sugar_box").unwrap();
+        let mut set = catalog_grasps("sugar_box").unwrap();
         set.grasps.truncate(1);
-        // Nothing is there to close on.
+        // Far from the object, the fingers close on nothing.
         let mut high = set.grasps[0].clone();
         high.object_from_palm.translation.z += 0.3;
         set.grasps.push(high);
         let config = SearchConfig::paper(&robot);
-        let same = Proportions { scale: Vec3::ONE, sink: 0.0 };
+        let same = ShapeVariant { scale: Vec3::ONE, shoulder_drop: 0.0 };
         let found = transfer(&robot, &object, &set, &object, &same, &config, 0).unwrap();
         let [one, other] = &found.grasps[..] else { panic!("{found:?}") };
         let turned = half_turn(&object, &one.object_from_palm);
-        assert!(cluster::distance(&turned, &other.object_from_palm) < crate::kind::OTHER_SIDE);
+        assert!(
+            k_medoids::palm_distance(&turned, &other.object_from_palm)
+                < crate::clusters::HALF_TURN_TOLERANCE
+        );
     }
 }

@@ -1,98 +1,100 @@
-//! Training the autoencoder: Chamfer distance plus the mean square of z (paper §III-D), and the moments of the whole
-//! object.
+//! Autoencoder training: Chamfer distance plus mean square of z (paper §III-D), plus shape moments of the
+//! whole object.
 
-use crate::fit::{self, Fit};
-use crate::moments::{MOMENTS, Scale, moments};
+use crate::callback::TrainingCallback;
+use crate::data_parallel::Gradient;
 use crate::nn::chamfer::Chamfer;
-use crate::nn::{Params, autoencoder as twin};
-use crate::shards::Gradient;
-use crate::watcher::Watcher;
+use crate::nn::{Params, autoencoder as net};
+use crate::shape_moments::{NUM_MOMENTS, Standardizer, moments};
+use crate::supervised::{self, SupervisedTrainer};
 use anyhow::{Result, bail};
 use candle_core::{Device, Tensor};
 use dataset::Dataset;
-use dataset::store;
+use files::{atomic_file, tensors};
 use nalgebra::DMatrix;
 use policy::Whitening;
-use policy::encoder::LATENT;
+use policy::encoder::LATENT_DIM;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use std::path::Path;
 
-/// How the autoencoder is trained; the paper gives the two losses, the figures are ours.
+/// Hyperparameters of autoencoder training. The two losses are the paper's; the values are ours.
 #[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
 pub struct AutoencoderConfig {
-    /// Optimiser steps.
+    /// Number of optimiser steps.
     pub steps: u64,
-    /// Clouds a step.
+    /// Batch size: clouds per step.
     pub batch: usize,
-    /// Threads.
+    /// Number of threads.
     pub threads: usize,
     /// Peak learning rate.
-    pub rate: f32,
+    pub learning_rate: f32,
     /// Weight of the mean square of z.
     pub latent_weight: f64,
-    /// Weight of the moments of the whole surface, read linearly from z ([`crate::moments`]).
+    /// Weight of the loss on the shape moments, predicted linearly from z ([`crate::shape_moments`]).
     pub moment_weight: f64,
-    /// Steps from checkpoint to checkpoint.
-    pub span: u64,
-    /// Seed of weights and batches.
+    /// Steps between checkpoints.
+    pub checkpoint_every: u64,
+    /// Seed of initial weights and batches.
     pub seed: u64,
 }
 
-/// What the autoencoder learns from: a cloud turned to the front, and the moments of the whole object there.
+/// A training example: a cloud in the canonical frame, and the shape moments of the whole object in that
+/// frame.
 #[derive(Clone, Debug)]
 pub struct Example {
-    /// 512 x 3.
+    /// Points (m, canonical frame), 512 x 3.
     cloud: Vec<f32>,
-    /// Its neighbourhoods, which do not change from step to step.
-    neighborhoods: Vec<twin::Neighborhood>,
-    /// In units of their spread.
-    moments: [f32; MOMENTS],
+    /// Neighbourhoods of the cloud, computed once because they do not change during training.
+    neighborhoods: Vec<net::Neighborhood>,
+    /// Standardised shape moments.
+    moments: [f32; NUM_MOMENTS],
 }
 
 impl Example {
-    /// A cloud (512 x 3) turned to the front, and the moments of the whole object there, in units of their spread.
-    pub fn new(cloud: Vec<f32>, moments: [f32; MOMENTS]) -> Self {
-        Self { neighborhoods: twin::neighborhoods_of(&cloud), cloud, moments }
+    /// `cloud`: 512 x 3 (m, canonical frame). `moments`: standardised shape moments in that frame.
+    pub fn new(cloud: Vec<f32>, moments: [f32; NUM_MOMENTS]) -> Self {
+        Self { neighborhoods: net::neighborhoods_of(&cloud), cloud, moments }
     }
 }
 
-/// The examples of a dataset.
+/// The encoder samples of a dataset as training examples.
 fn examples(dataset: &Dataset) -> Result<Vec<Example>> {
     let surfaces = dataset.surfaces()?;
     let (mut clouds, mut raw) = (Vec::new(), Vec::new());
-    for view in dataset.encoder_views()? {
-        let (bearing, cloud) = to_front(&view.cloud);
-        raw.push(moments(&surfaces[view.object], pose_in_front(view.pose, bearing)));
+    for view in dataset.encoder_samples()? {
+        let (azimuth, cloud) = canonicalize(&view.cloud);
+        raw.push(moments(&surfaces[view.object], canonical_pose(view.pose, azimuth)));
         clouds.push(cloud);
     }
-    let scale = Scale::of(&raw);
-    let example = |(cloud, raw): (Vec<f32>, &_)| Example::new(cloud, scale.apply(raw));
+    let standardizer = Standardizer::fit(&raw);
+    let example = |(cloud, raw): (Vec<f32>, &_)| Example::new(cloud, standardizer.apply(raw));
     Ok(clouds.into_iter().zip(&raw).map(example).collect())
 }
 
-/// An object pose x, y (m), yaw (rad) with the object turned to the front from its bearing (rad).
-pub fn pose_in_front(pose: [f32; 3], bearing: f64) -> [f32; 3] {
-    dataset::poses::turned(pose, -bearing as f32)
+/// Object pose x, y (m), yaw (rad) in the canonical frame, for an object at the given azimuth (rad).
+pub fn canonical_pose(pose: [f32; 3], azimuth: f64) -> [f32; 3] {
+    dataset::poses::rotate_pose(pose, -azimuth as f32)
 }
 
 impl AutoencoderConfig {
-    /// A quarter of an hour on two cores. On the clouds of preset `families` (seed 0) the yaw of the bleach bottle is then
-    /// read off z within 5.0 degrees (median); with a third of the steps and a tenth of the weight of the moments, 8.7.
+    /// Full-size training: 15 minutes on two cores. On preset `families` (seed 0), the linear probe then
+    /// predicts the yaw of the bleach bottle with a median error of 5.0 degrees; with a third of the steps
+    /// and a tenth of the moment weight, 8.7 degrees.
     pub fn standard() -> Self {
         Self {
             steps: 36_000,
             batch: 32,
             threads: 2,
-            rate: 1e-3,
+            learning_rate: 1e-3,
             latent_weight: 1e-4,
             moment_weight: 0.5,
-            span: 500,
+            checkpoint_every: 500,
             seed: 0,
         }
     }
 
-    /// As long as a dataset's preset is worth ([`dataset::config::PRESETS`]).
+    /// Training length that suits the dataset preset of the same name ([`dataset::config::PRESETS`]).
     pub fn preset(name: &str) -> Option<Self> {
         let standard = Self::standard();
         Some(match name {
@@ -104,110 +106,112 @@ impl AutoencoderConfig {
     }
 }
 
-/// Spread along an axis, as a share of the largest one, below which an axis is taken for noise.
-const LEAST_SPREAD: f64 = 0.05;
+/// Min. standard deviation of a whitened axis, as a fraction of the largest one; axes below it are treated as
+/// noise.
+const MIN_STD_FRACTION: f64 = 0.05;
 
-/// Clouds that are differentiated at once: what lies between the layers then stays in the cache.
-pub(crate) const PIECE: usize = 4;
+/// Clouds per backward pass, small enough that the activations stay in the cache.
+pub(crate) const MICRO_BATCH: usize = 4;
 
-/// Clouds at most from which the whitening is computed.
-const WHITENED: usize = 20_000;
+/// Max. number of clouds for the whitening statistics.
+const MAX_WHITENING_CLOUDS: usize = 20_000;
 
-/// Trains on the dataset's clouds and writes `encoder.safetensors` to `out`; continues from a
-/// checkpoint that is there. A watcher may stop it: then nothing but the checkpoint is written, and it says `false`.
+/// Trains on the dataset's clouds and writes `encoder.safetensors` and `latent.safetensors` to `out`; resumes
+/// from a checkpoint in `out`. Returns `false`, with only the checkpoint written, if the callback stops the
+/// training.
 pub fn train(
     dataset: &Dataset,
     config: &AutoencoderConfig,
     out: &Path,
-    watcher: &mut dyn Watcher,
+    watcher: &mut dyn TrainingCallback,
 ) -> Result<bool> {
     let examples = examples(dataset)?;
     if examples.is_empty() {
-        bail!("the dataset has no clouds for the encoder");
+        bail!("the dataset has no clouds for encoder training; generate it with encoder objects");
     }
     let mut rng = ChaCha8Rng::seed_from_u64(config.seed);
     let mut params = Params::default();
-    twin::init(&mut params, &mut rng)?;
-    twin::init_moments(&mut params, &mut rng)?;
-    let fit = Fit {
+    net::init(&mut params, &mut rng)?;
+    net::init_moments(&mut params, &mut rng)?;
+    let trainer = SupervisedTrainer {
         steps: config.steps,
         batch: config.batch,
-        piece: PIECE,
+        micro_batch: MICRO_BATCH,
         threads: config.threads,
-        rate: config.rate,
-        span: config.span,
+        learning_rate: config.learning_rate,
+        checkpoint_every: config.checkpoint_every,
         seed: config.seed,
         checkpoint: &out.join("encoder.checkpoint.safetensors"),
-        settings: fit::settings(config, "data", dataset.hash()?)?,
+        settings: supervised::checkpoint_settings(config, "dataset", dataset.hash()?)?,
     };
-    if !fit.run(&params, &examples, |part| loss(&params, part, config), watcher)? {
+    if !trainer.run(&params, &examples, |batch| loss(&params, batch, config), watcher)? {
         return Ok(false);
     }
-    // Every object has its share.
-    let shown = examples.iter().step_by(examples.len().div_ceil(WHITENED));
-    let shown: Vec<Vec<f32>> = shown.map(|example| example.cloud.clone()).collect();
-    let latents = encode_all(&params, &shown)?;
-    store::write(&out.join("encoder.safetensors"), &params.save()?)?;
-    let whitening = store::encode(&whiten(&latents).tensors(), None)?;
-    store::write(&out.join("latent.safetensors"), &whitening)?;
+    // Evenly spaced examples represent all objects.
+    let clouds = examples.iter().step_by(examples.len().div_ceil(MAX_WHITENING_CLOUDS));
+    let clouds: Vec<Vec<f32>> = clouds.map(|example| example.cloud.clone()).collect();
+    let latents = encode_all(&params, &clouds)?;
+    atomic_file::write(&out.join("encoder.safetensors"), &params.save()?)?;
+    let whitening = tensors::encode(&fit_whitening(&latents).tensors(), None)?;
+    atomic_file::write(&out.join("latent.safetensors"), &whitening)?;
     Ok(true)
 }
 
-/// Mean loss of a part of the batch and its gradient.
+/// Mean loss of a micro-batch and its gradient. The reported loss is the Chamfer distance alone.
 pub fn loss(
     params: &Params,
     examples: &[&Example],
     config: &AutoencoderConfig,
 ) -> Result<Gradient> {
-    let params = &params.of_shard();
+    let params = &params.with_accumulators();
     let clouds: Vec<&[f32]> = examples.iter().map(|example| example.cloud.as_slice()).collect();
-    let near: Vec<&[twin::Neighborhood]> =
+    let neighborhoods: Vec<&[net::Neighborhood]> =
         examples.iter().map(|example| example.neighborhoods.as_slice()).collect();
-    let z = twin::encode_among(params, &clouds, &near)?;
-    let made = twin::decode(params, &z)?;
-    let chamfer = made.apply_op2(&twin::targets(&clouds)?, Chamfer::default())?.mean_all()?;
-    let size = (z.sqr()?.mean_all()? * config.latent_weight)?;
-    let wanted = examples.iter().flat_map(|example| example.moments).collect::<Vec<f32>>();
-    let wanted = Tensor::from_vec(wanted, (examples.len(), MOMENTS), &Device::Cpu)?;
-    let off = (twin::moments(params, &z)? - wanted)?.sqr()?.mean_all()?;
-    let moments = (off * config.moment_weight)?;
-    let gradient = Gradient::of(&((&chamfer + size)? + moments)?, params)?;
+    let z = net::encode_with_neighborhoods(params, &clouds, &neighborhoods)?;
+    let decoded = net::decode(params, &z)?;
+    let chamfer = decoded.apply_op2(&net::targets(&clouds)?, Chamfer::default())?.mean_all()?;
+    let latent = (z.sqr()?.mean_all()? * config.latent_weight)?;
+    let target = examples.iter().flat_map(|example| example.moments).collect::<Vec<f32>>();
+    let target = Tensor::from_vec(target, (examples.len(), NUM_MOMENTS), &Device::Cpu)?;
+    let error = (net::moments(params, &z)? - target)?.sqr()?.mean_all()?;
+    let moments = (error * config.moment_weight)?;
+    let gradient = Gradient::compute(&((&chamfer + latent)? + moments)?, params)?;
     Ok(Gradient { loss: chamfer.to_scalar::<f32>()?, ..gradient })
 }
 
-/// A cloud turned to the front, and its bearing (rad).
-pub fn to_front(cloud: &[f32]) -> (f64, Vec<f32>) {
-    let (bearing, front) = policy::encoding::to_front(&twin::points(cloud));
-    (bearing, front.iter().flat_map(|p| p.to_array()).collect())
+/// The azimuth (rad) of a cloud (m, base frame), and the cloud rotated into the canonical frame.
+pub fn canonicalize(cloud: &[f32]) -> (f64, Vec<f32>) {
+    let (azimuth, canonical) = policy::observation::canonicalize(&net::to_points(cloud));
+    (azimuth, canonical.iter().flat_map(|p| p.to_array()).collect())
 }
 
-/// z of clouds that have been turned to the front, not standardised.
+/// Raw z, before whitening, of clouds in the canonical frame.
 pub fn encode_all(params: &Params, clouds: &[Vec<f32>]) -> Result<Vec<Vec<f32>>> {
     let mut latents = Vec::with_capacity(clouds.len());
-    for part in clouds.chunks(32) {
-        let part: Vec<&[f32]> = part.iter().map(Vec::as_slice).collect();
-        latents.extend(twin::encode(params, &part)?.to_vec2::<f32>()?);
+    for batch in clouds.chunks(32) {
+        let batch: Vec<&[f32]> = batch.iter().map(Vec::as_slice).collect();
+        latents.extend(net::encode(params, &batch)?.to_vec2::<f32>()?);
     }
     Ok(latents)
 }
 
-/// Mean, principal axes and spread of a set of z.
-pub fn whiten(latents: &[Vec<f32>]) -> Whitening {
+/// Mean, principal axes and standard deviations of a set of raw z.
+pub fn fit_whitening(latents: &[Vec<f32>]) -> Whitening {
     let count = latents.len().max(1) as f64;
     let rows = latents.iter().flat_map(|z| z.iter().map(|z| *z as f64));
-    let z = DMatrix::from_row_iterator(latents.len(), LATENT, rows);
+    let z = DMatrix::from_row_iterator(latents.len(), LATENT_DIM, rows);
     let mean = z.row_sum() / count;
-    let centered = DMatrix::from_fn(z.nrows(), LATENT, |row, i| z[(row, i)] - mean[i]);
+    let centered = DMatrix::from_fn(z.nrows(), LATENT_DIM, |row, i| z[(row, i)] - mean[i]);
     let eigen = (centered.transpose() * &centered / count).symmetric_eigen();
-    let mut order: Vec<usize> = (0..LATENT).collect();
+    let mut order: Vec<usize> = (0..LATENT_DIM).collect();
     order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
     let spread = |i: usize| eigen.eigenvalues[i].max(0.0).sqrt();
-    let least = (LEAST_SPREAD * spread(order[0])).max(1e-6);
+    let min = (MIN_STD_FRACTION * spread(order[0])).max(1e-6);
     let axis = |&i: &usize| eigen.eigenvectors.column(i).iter().map(|x| *x as f32).collect();
     Whitening {
         mean: mean.iter().map(|x| *x as f32).collect(),
         axes: order.iter().flat_map(|i| -> Vec<f32> { axis(i) }).collect(),
-        scale: order.iter().map(|&i| spread(i).max(least) as f32).collect(),
+        scale: order.iter().map(|&i| spread(i).max(min) as f32).collect(),
     }
 }
 
@@ -219,34 +223,36 @@ mod tests {
     #[test]
     fn whitened_latents_have_unit_covariance() {
         let mut rng = ChaCha8Rng::seed_from_u64(3);
-        // Each entry depends on those before it; the spreads differ by a factor of eight.
+        // Each entry depends on the previous one; the standard deviations differ by a factor of eight.
         let draw = |_| {
-            let mut z: Vec<f32> = vec![0.0; LATENT];
-            for i in 0..LATENT {
+            let mut z: Vec<f32> = vec![0.0; LATENT_DIM];
+            for i in 0..LATENT_DIM {
                 let before = if i > 0 { z[i - 1] } else { 0.0 };
                 z[i] = 0.5 * before + (1.0 + (i % 8) as f32) * rng.random_range(-1.0..1.0) + 0.3;
             }
             z
         };
         let latents: Vec<Vec<f32>> = (0..4000).map(draw).collect();
-        let whitening = whiten(&latents);
+        let whitening = fit_whitening(&latents);
         let white: Vec<Vec<f32>> = latents.iter().map(|z| whitening.apply(z)).collect();
         let mean = |f: &dyn Fn(&[f32]) -> f32| white.iter().map(|z| f(z)).sum::<f32>() / 4000.0;
-        for i in 0..LATENT {
+        for i in 0..LATENT_DIM {
             for j in 0..=i {
-                let wanted = f32::from(i == j);
+                let expected = f32::from(i == j);
                 let covariance = mean(&|z| z[i] * z[j]);
-                assert!((covariance - wanted).abs() < 0.01, "{i}, {j}: {covariance}");
+                assert!((covariance - expected).abs() < 0.01, "{i}, {j}: {covariance}");
             }
         }
     }
 
     #[test]
-    fn what_does_not_vary_stays_small() {
+    fn nearly_constant_latents_stay_small_after_whitening() {
         let latents: Vec<Vec<f32>> = (0..100)
-            .map(|k| (0..LATENT).map(|i| if i == 4 { k as f32 } else { 1e-4 * k as f32 }).collect())
+            .map(|k| {
+                (0..LATENT_DIM).map(|i| if i == 4 { k as f32 } else { 1e-4 * k as f32 }).collect()
+            })
             .collect();
-        let whitening = whiten(&latents);
+        let whitening = fit_whitening(&latents);
         let white = whitening.apply(&latents[99]);
         assert!(white[0].abs() > 1.0 && white[1..].iter().all(|z| z.abs() < 0.01), "{white:?}");
     }

@@ -1,109 +1,113 @@
-//! DAgger with the surrogate expert: the policy visits states, the expert says what to do there
-//! (Eq. 2, paper §II-B).
+//! DAgger with the surrogate expert: rolls out the policy and labels the visited states with the expert's
+//! action (Eq. 2, paper §II-B).
 
+use crate::backward::{self, Batch, Loss, StepResult};
+use crate::callback::{LossAverager, TrainingCallback, TrainingStatus};
+use crate::demo_group::DemoGroup;
 use crate::expert::{self, Gains};
-use crate::lesson::Lesson;
-use crate::loss::joint_and_tip_error;
+use crate::loss::joint_and_fingertip_error;
 use crate::nn::Params;
-use crate::nn::adam::{AdamW, schedule};
-use crate::nn::network::{self, Network, Response};
-use crate::nn::ngf::Active;
-use crate::step::{self, Batch, Loss, Outcome};
-use crate::visits::{self, Sampler, Visit, is_near};
-use crate::watcher::{Progress, Reporter, Watcher};
+use crate::nn::adam::{AdamW, cosine_schedule};
+use crate::nn::network::{self, Network, NetworkOutput};
+use crate::nn::ngf::TrainableSet;
+use crate::rollout_buffer::{self, RolloutState, StateSampler, is_on_track};
 use anyhow::{Result, bail};
 use policy::PolicyConfig;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
-use robot::{JointState, JointVector, Tree, integrator};
-use scene::config::CONTROL_PERIOD;
+use robot::{JointState, JointVector, KinematicTree, integrator};
+use scene::config::CONTROL_DT;
 use std::ops::Range;
 use std::path::Path;
 
-/// How the policy is trained; the paper gives the scheme, the figures are ours.
+/// Hyperparameters of policy training. The scheme is the paper's; the values are ours.
 #[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
 pub struct DaggerConfig {
-    /// Optimiser steps.
+    /// Number of optimiser steps.
     pub steps: u64,
-    /// Of a fabric that is begun anew, share of the steps, the first ones, that train F_ψ alone, with a third of the products:
-    /// where to go is most of what there is to learn. The other networks are as they begin meanwhile.
-    pub potential_share: f64,
-    /// States a step.
+    /// Fraction of the steps, from the first, that train only F_ψ of a fabric. Such a step needs a third of
+    /// the matrix products, and the target position is most of what the policy has to learn. The other
+    /// networks keep their initial weights during this phase.
+    pub potential_only_fraction: f64,
+    /// Batch size: states per step.
     pub batch: usize,
-    /// Batches of states under way: each step takes the next one of them. With few, the states of a step would be
-    /// those of some steps before, 33 ms later, and the weights would follow the few lessons that are under way.
-    pub rounds: usize,
-    /// Threads.
+    /// Number of rollout batches; step k uses batch k modulo this number. With few batches, the states of a
+    /// step would be those of a few steps before, 33 ms later, and the weights would overfit to the few
+    /// groups in them.
+    pub num_buffers: usize,
+    /// Number of threads.
     pub threads: usize,
     /// Peak learning rate.
-    pub rate: f32,
-    /// Steps over which the rate rises to its peak, a tenth of all at most.
+    pub learning_rate: f32,
+    /// Warm-up steps of the learning rate, limited to a tenth of all steps.
     pub warmup: u64,
-    /// Decoupled weight decay, in units of the rate.
-    pub decay: f32,
-    /// Norm to which the gradient is cut. It is always longer (100 to 5,000): each step counts alike, however far off the
-    /// states of its batch are.
-    pub clip: f32,
-    /// Steps that a state is rolled out by the policy before it is drawn anew (H), a quarter more or less. One: behaviour
-    /// cloning of noisy states.
+    /// Decoupled weight decay, relative to the learning rate.
+    pub weight_decay: f32,
+    /// Max. gradient norm. Gradients are always larger (100 to 5,000), so all steps have the same weight,
+    /// independent of the error of their batch.
+    pub grad_clip_norm: f32,
+    /// Horizon H: policy steps of a rollout before its state is resampled, ± 25 %. 1 is behaviour cloning of
+    /// noisy states.
     pub horizon: usize,
-    /// Shares of the steps at which roll-outs begin to grow, from one step, and have their full length:
-    /// those of a policy that knows nothing lead where nothing can be learned.
-    pub growth: [f64; 2],
-    /// Uniform noise on a drawn state: position of arm and hand (rad), velocity (rad/s).
+    /// Fractions of the steps at which the horizon starts to grow from one step and reaches its full length.
+    /// Rollouts of an untrained policy only reach states that are useless for training.
+    pub horizon_ramp: [f64; 2],
+    /// Bounds of the uniform noise on sampled states: arm position (rad), hand position (rad), velocity
+    /// (rad/s).
     pub noise: [f64; 3],
-    /// Weight (rad/m) of what the fingertips do in the loss.
-    pub tip_weight: f64,
-    /// Weight of the mean square of what the networks of the metrics give: the entries of U.
+    /// Weight (rad/m) of the fingertip term in the loss.
+    pub fingertip_weight: f64,
+    /// Weight of the mean square of the metric networks' outputs, the entries of U.
     ///
-    /// *Departure: Eq. 2 alone leaves the unit of mass open: metrics, potential and damping can grow
-    /// together without changing an acceleration. They did, a millionfold in 6,000 steps, and what was
-    /// learned drowned in it.*
+    /// *Departure: Eq. 2 alone does not fix the unit of mass: metrics, potential and damping can grow
+    /// together without a change in acceleration. Without this term they grew by a factor of 10⁶ in 6,000
+    /// steps and training failed.*
     pub metric_weight: f64,
-    /// Share of the drawn states, once roll-outs have their full length, that are what an attempt begins with: a start of
-    /// one of the nearest other object poses, at rest (paper §III-F).
-    pub start_share: f64,
-    /// The expert.
+    /// Fraction of sampled states, at full horizon, that are initial states of attempts: the start
+    /// configuration of one of the nearest other object poses, at rest (paper §III-F).
+    pub start_fraction: f64,
+    /// PD gains of the expert.
     pub gains: Gains,
-    /// Distance (rad, weighted) that the expert looks ahead at least: times k_p / k_d, its least speed.
-    pub lead: f64,
-    /// Steps from checkpoint to checkpoint. States under way go on from what is written there, so that a run that is resumed
-    /// takes the same steps as one that was never stopped.
-    pub span: u64,
-    /// What is trained.
+    /// Min. lookahead distance (rad, weighted) of the expert. Multiplied by k_p / k_d, it is the expert's
+    /// min. speed.
+    pub lookahead: f64,
+    /// Steps between checkpoints. The rollouts continue from the stored states, so a resumed run takes the
+    /// same steps as an uninterrupted one.
+    pub checkpoint_every: u64,
+    /// Architecture and observation of the policy.
     pub policy: PolicyConfig,
-    /// Seed of weights, states and noise.
+    /// Seed of initial weights, sampled states and noise.
     pub seed: u64,
 }
 
 impl DaggerConfig {
-    /// Full size.
+    /// Full-size training.
     pub fn standard(policy: PolicyConfig) -> Self {
         Self {
             steps: 72_000,
-            potential_share: 0.95,
+            potential_only_fraction: 0.95,
             batch: 128,
-            rounds: 64,
+            num_buffers: 64,
             threads: 2,
-            rate: 5e-4,
+            learning_rate: 5e-4,
             warmup: 500,
-            decay: 1e-4,
-            clip: 10.0,
+            weight_decay: 1e-4,
+            grad_clip_norm: 10.0,
             horizon: 90,
-            growth: [0.3, 0.6],
+            horizon_ramp: [0.3, 0.6],
             noise: [0.12, 0.1, 0.3],
-            tip_weight: 3.0,
+            fingertip_weight: 3.0,
             metric_weight: 10.0,
-            start_share: 0.25,
+            start_fraction: 0.25,
             gains: Gains { position: 225.0, velocity: 30.0 },
-            lead: 0.2,
-            span: 5000,
+            lookahead: 0.2,
+            checkpoint_every: 5000,
             policy,
             seed: 0,
         }
     }
 
-    /// As long as a dataset's preset is worth ([`dataset::config::PRESETS`]).
+    /// Training length that suits the dataset preset of the same name ([`dataset::config::PRESETS`]).
     pub fn preset(name: &str, policy: PolicyConfig) -> Option<Self> {
         let standard = Self::standard(policy);
         Some(match name {
@@ -116,216 +120,243 @@ impl DaggerConfig {
     }
 
     /// Learning rate of a step.
-    fn rate_at(&self, step: u64) -> f32 {
-        schedule(step, self.warmup.min(self.steps / 10), self.steps, self.rate)
+    fn learning_rate_at(&self, step: u64) -> f32 {
+        cosine_schedule(step, self.warmup.min(self.steps / 10), self.steps, self.learning_rate)
     }
 
-    /// Draws states after `step` steps, of which a checkpoint is kept.
-    fn generator(&self, step: u64) -> ChaCha8Rng {
+    /// Random generator for sampled states after the checkpoint at `step`.
+    fn rng_at(&self, step: u64) -> ChaCha8Rng {
         ChaCha8Rng::seed_from_u64(self.seed ^ (step + 1) << 20)
     }
 
-    /// Steps of a roll-out that begins where an attempt does: a third more.
+    /// Horizon of rollouts from start configurations: a third longer.
     pub(crate) fn start_horizon(&self) -> usize {
         self.horizon + self.horizon / 3
     }
 
-    /// The share of their full length that roll-outs have after `step` steps.
-    pub(crate) fn grown(&self, step: u64) -> f64 {
-        let [begin, end] = self.growth.map(|share| share * self.steps as f64);
+    /// Fraction of the full horizon after `step` steps.
+    pub(crate) fn horizon_fraction(&self, step: u64) -> f64 {
+        let [start, end] = self.horizon_ramp.map(|fraction| fraction * self.steps as f64);
         if step as f64 >= end {
             1.0
         } else {
-            ((step as f64 - begin) / (end - begin)).clamp(0.0, 1.0)
+            ((step as f64 - start) / (end - start)).clamp(0.0, 1.0)
         }
     }
 }
 
-/// Trains a policy, a fresh one or that of the weights `begin`; continues from a checkpoint in `out`. A watcher may stop it:
-/// then there is none.
+/// Trains a policy from random weights or from `init_weights`; resumes from a checkpoint in `out`. Returns
+/// `None` if the callback stops the training.
 pub fn train(
-    lessons: &[Lesson],
-    tree: &Tree,
+    groups: &[DemoGroup],
+    tree: &KinematicTree,
     config: &DaggerConfig,
-    begin: Option<&[u8]>,
+    init_weights: Option<&[u8]>,
     out: &Path,
-    watcher: &mut dyn Watcher,
+    watcher: &mut dyn TrainingCallback,
 ) -> Result<Option<Params>> {
-    if !lessons.iter().any(Lesson::is_full) {
-        bail!("there are no demonstrations to learn from");
+    if !groups.iter().any(DemoGroup::is_trainable) {
+        bail!(
+            "the dataset has no demonstrations for training; generate more poses or other objects"
+        );
     }
-    let sampler = Sampler::new(lessons, &tree.limits);
+    let sampler = StateSampler::new(groups, &tree.limits);
     let mut rng = ChaCha8Rng::seed_from_u64(config.seed);
     let mut params = Params::default();
     network::init(&mut params, &config.policy, &mut rng)?;
-    if let Some(weights) = begin {
+    if let Some(weights) = init_weights {
         params.restore(weights)?;
     }
-    let student =
-        Student { tree, network: Network::new(&config.policy, &tree.limits)?, lessons, config };
-    let mut adam = AdamW::new(&params, config.decay);
+    let learner = PolicyLearner {
+        tree,
+        network: Network::new(&config.policy, &tree.limits)?,
+        groups,
+        config,
+    };
+    let mut adam = AdamW::new(&params, config.weight_decay);
     let checkpoint = out.join("policy.checkpoint.safetensors");
-    let settings = settings(config, lessons, begin)?;
+    let settings = checkpoint_settings(config, groups, init_weights)?;
     let load = crate::checkpoint::load;
-    let mut under_way =
-        load(&checkpoint, &params, &mut adam, &settings, &mut |text| watcher.warn(text))?;
-    if under_way.is_empty() {
-        under_way = visits::write(&sampler.rounds(config, &mut rng));
+    let mut buffers =
+        load(&checkpoint, &params, &mut adam, &settings, &mut |text| watcher.on_warning(text))?;
+    if buffers.is_empty() {
+        buffers = rollout_buffer::encode_states(&sampler.staggered_batches(config, &mut rng));
     }
-    let mut rounds = visits::read(&under_way, config.batch, lessons)?;
-    let mut rng = config.generator(adam.steps);
+    let mut batches = rollout_buffer::decode_states(&buffers, config.batch, groups)?;
+    let mut rng = config.rng_at(adam.steps);
     if adam.steps > 0 {
-        watcher.resumed(adam.steps, config.steps, &params)?;
+        watcher.on_resume(adam.steps, config.steps, &params)?;
     }
-    let mut reporter = Reporter::new(config.span);
+    let mut reporter = LossAverager::new(config.checkpoint_every);
     while adam.steps < config.steps {
-        let turn = (adam.steps % rounds.len() as u64) as usize;
-        let visits: &mut [Visit] = &mut rounds[turn];
-        let is_early = (adam.steps as f64) < config.potential_share * config.steps as f64;
-        let active = if is_early { Active::Potential } else { Active::All };
-        let outcome = student.differentiate(&params, active, visits)?;
-        let rate = config.rate_at(adam.steps);
-        let norm = adam.step(&params, &outcome.gradients, rate, config.clip, config.threads)?;
+        let index = (adam.steps % batches.len() as u64) as usize;
+        let rollouts: &mut [RolloutState] = &mut batches[index];
+        let is_early = (adam.steps as f64) < config.potential_only_fraction * config.steps as f64;
+        let active = if is_early { TrainableSet::Potential } else { TrainableSet::All };
+        let result = learner.differentiate(&params, active, rollouts)?;
+        let rate = config.learning_rate_at(adam.steps);
+        let norm =
+            adam.step(&params, &result.gradients, rate, config.grad_clip_norm, config.threads)?;
         if !norm.is_finite() {
-            bail!("the loss is {} at step {}: lower the rate", outcome.loss, adam.steps);
+            bail!("the loss is {} at step {}; reduce the learning rate", result.loss, adam.steps);
         }
-        for (visit, qdd) in visits.iter_mut().zip(&outcome.accelerations) {
-            visit.state = tree.limits.stop(&integrator::step(&visit.state, qdd, CONTROL_PERIOD));
-            visit.left -= 1;
-            if visit.left == 0 || !is_near(visit, lessons) {
-                *visit = sampler.draw(config, config.grown(adam.steps), &mut rng);
+        for (rollout, qdd) in rollouts.iter_mut().zip(&result.accelerations) {
+            rollout.state =
+                tree.limits.clamp_state(&integrator::step(&rollout.state, qdd, CONTROL_DT));
+            rollout.steps_left -= 1;
+            if rollout.steps_left == 0 || !is_on_track(rollout, groups) {
+                *rollout = sampler.sample(config, config.horizon_fraction(adam.steps), &mut rng);
             }
         }
-        let (step, steps, loss) = (adam.steps, config.steps, outcome.loss);
-        if step.is_multiple_of(config.span) || step == steps {
-            let under_way = visits::write(&rounds);
-            crate::checkpoint::save(&checkpoint, &params, &adam, &under_way, &settings)?;
-            // Whoever is resumed goes on from what is written there, and so does this run.
-            rounds = visits::read(&under_way, config.batch, lessons)?;
-            rng = config.generator(step);
+        let (step, steps, loss) = (adam.steps, config.steps, result.loss);
+        if step.is_multiple_of(config.checkpoint_every) || step == steps {
+            let buffers = rollout_buffer::encode_states(&batches);
+            crate::checkpoint::save(&checkpoint, &params, &adam, &buffers, &settings)?;
+            // Continue from the stored single-precision states, as a resumed run does.
+            batches = rollout_buffer::decode_states(&buffers, config.batch, groups)?;
+            rng = config.rng_at(step);
         }
-        let now = Progress { step, steps, loss, gradient: norm, params: &params };
-        if !reporter.note(watcher, now)? {
+        let now = TrainingStatus { step, steps, loss, gradient_norm: norm, params: &params };
+        if !reporter.record(watcher, now)? {
             return Ok(None);
         }
     }
     Ok(Some(params))
 }
 
-/// What a checkpoint must have been made with: the configuration, the lessons, and with what was begun.
-fn settings(
+/// Settings that a checkpoint must match: the configuration, the training data and the initial weights.
+fn checkpoint_settings(
     config: &DaggerConfig,
-    lessons: &[Lesson],
-    begin: Option<&[u8]>,
+    groups: &[DemoGroup],
+    init_weights: Option<&[u8]>,
 ) -> Result<serde_json::Value> {
     let mut settings = serde_json::to_value(config)?;
     let mut hasher = blake3::Hasher::new();
-    lessons.iter().for_each(|lesson| lesson.digest(&mut hasher));
-    settings["lessons"] = hasher.finalize().to_hex().as_str().into();
-    settings["begin"] = begin.map(|weights| blake3::hash(weights).to_hex().to_string()).into();
+    groups.iter().for_each(|group| group.hash_into(&mut hasher));
+    settings["demo_groups"] = hasher.finalize().to_hex().as_str().into();
+    settings["init_weights"] =
+        init_weights.map(|weights| blake3::hash(weights).to_hex().to_string()).into();
     Ok(settings)
 }
 
-/// Who learns, from what and how.
-struct Student<'a> {
-    tree: &'a Tree,
+/// A policy network with its training data and hyperparameters.
+struct PolicyLearner<'a> {
+    tree: &'a KinematicTree,
     network: Network,
-    lessons: &'a [Lesson],
+    groups: &'a [DemoGroup],
     config: &'a DaggerConfig,
 }
 
-impl Student<'_> {
-    /// Eq. 2: how far the policy is from the expert in the states of a batch, with the gradient.
-    fn differentiate(&self, params: &Params, active: Active, visits: &[Visit]) -> Result<Outcome> {
-        let Self { tree, network, lessons, config } = self;
-        let told = |visit: &Visit| &lessons[visit.lesson].encodings[visit.encoding];
-        let states: Vec<JointState> =
-            visits.iter().map(|visit| told(visit).state_in_front(&visit.state)).collect();
-        let objects: Vec<&[f32]> = visits.iter().map(|visit| told(visit).z.as_slice()).collect();
-        let batch = Batch { states: &states, objects: &objects };
-        let lag = config.gains.lag_rows(CONTROL_PERIOD).max(1);
-        let loss = |rows: Range<usize>, response: &Response| {
-            let visits = &visits[rows];
-            let advice = |visit: &Visit| {
-                let target =
-                    lessons[visit.lesson].demonstrations.target(&visit.state, lag, config.lead);
-                expert::acceleration(&config.gains, &target, &visit.state)
+impl PolicyLearner<'_> {
+    /// Eq. 2: imitation loss between policy and expert on a batch of states, with its gradient.
+    fn differentiate(
+        &self,
+        params: &Params,
+        active: TrainableSet,
+        rollouts: &[RolloutState],
+    ) -> Result<StepResult> {
+        let Self { tree, network, groups, config } = self;
+        let observation =
+            |rollout: &RolloutState| &groups[rollout.group].encodings[rollout.encoding];
+        let states: Vec<JointState> = rollouts
+            .iter()
+            .map(|rollout| observation(rollout).state_to_canonical(&rollout.state))
+            .collect();
+        let observations: Vec<&[f32]> =
+            rollouts.iter().map(|rollout| observation(rollout).latent.as_slice()).collect();
+        let batch = Batch { states: &states, observations: &observations };
+        let lag = config.gains.lag_rows(CONTROL_DT).max(1);
+        let loss = |rows: Range<usize>, response: &NetworkOutput| {
+            let rollouts = &rollouts[rows];
+            let expert_action = |rollout: &RolloutState| {
+                let target = groups[rollout.group].demonstrations.target(
+                    &rollout.state,
+                    lag,
+                    config.lookahead,
+                );
+                expert::acceleration(&config.gains, &target, &rollout.state)
             };
-            let wanted: Vec<JointVector> = visits.iter().map(advice).collect();
-            let at: Vec<JointVector> = visits.iter().map(|visit| visit.state.q).collect();
-            let (made, weight) = (&response.accelerations, config.tip_weight);
-            let shown = joint_and_tip_error(tree, &at, made, &wanted, weight)?;
-            Loss::with_metrics(shown, response, config.metric_weight)
+            let target: Vec<JointVector> = rollouts.iter().map(expert_action).collect();
+            let q: Vec<JointVector> = rollouts.iter().map(|rollout| rollout.state.q).collect();
+            let (predicted, weight) = (&response.accelerations, config.fingertip_weight);
+            let reported = joint_and_fingertip_error(tree, &q, predicted, &target, weight)?;
+            Loss::with_metric_penalty(reported, response, config.metric_weight)
         };
-        step::differentiate(network, params, &batch, active, config.threads, &loss)
+        backward::differentiate(network, params, &batch, active, config.threads, &loss)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::visits::samples::{lesson, tiny};
+    use crate::rollout_buffer::fixtures::{demo_group, tiny};
     use std::collections::BTreeSet;
 
     #[test]
-    fn a_checkpoint_belongs_to_its_lessons_and_to_what_was_begun_with() {
-        type Change = dyn Fn(&mut Vec<Lesson>);
-        let of = |change: &Change, begin: Option<&[u8]>| {
-            let mut lessons = vec![lesson(0, 0.0), lesson(1, 0.7)];
-            change(&mut lessons);
-            settings(&tiny(), &lessons, begin).unwrap()
+    fn checkpoint_settings_depend_on_training_data_and_initial_weights() {
+        type Change = dyn Fn(&mut Vec<DemoGroup>);
+        let settings_with = |change: &Change, init_weights: Option<&[u8]>| {
+            let mut groups = vec![demo_group(0, 0.0), demo_group(1, 0.7)];
+            change(&mut groups);
+            checkpoint_settings(&tiny(), &groups, init_weights).unwrap()
         };
-        let own = of(&|_| (), None);
-        assert_eq!(own, of(&|_| (), None));
+        let own = settings_with(&|_| (), None);
+        assert_eq!(own, settings_with(&|_| (), None));
         let others: [&Change; 4] = [
-            // Another encoder, another dataset, fewer poses, other neighbours.
-            &|lessons| lessons[1].encodings[1].z[3] += 0.1,
-            &|lessons| lessons[0].demonstrations = lesson(2, 0.0).demonstrations,
-            &|lessons| lessons.truncate(1),
-            &|lessons| lessons[0].near.push(JointVector::zeros()),
+            // Another encoder, another dataset, fewer poses, other neighbour starts.
+            &|groups| groups[1].encodings[1].latent[3] += 0.1,
+            &|groups| groups[0].demonstrations = demo_group(2, 0.0).demonstrations,
+            &|groups| groups.truncate(1),
+            &|groups| groups[0].neighbor_starts.push(JointVector::zeros()),
         ];
         for change in others {
-            let other = of(change, None);
-            assert_ne!(own["lessons"], other["lessons"]);
+            let other = settings_with(change, None);
+            assert_ne!(own["demo_groups"], other["demo_groups"]);
         }
-        assert_ne!(own["begin"], of(&|_| (), Some(b"weights"))["begin"]);
+        let resumed = settings_with(&|_| (), Some(b"weights"));
+        assert_ne!(own["init_weights"], resumed["init_weights"]);
     }
 
     #[test]
-    fn whoever_goes_on_is_told_from_where() {
+    fn resume_reports_start_step() {
         #[derive(Default)]
-        struct Notes(Vec<String>);
-        impl Watcher for Notes {
-            fn progress(&mut self, now: &Progress) -> Result<bool> {
+        struct Events(Vec<String>);
+        impl TrainingCallback for Events {
+            fn on_progress(&mut self, now: &TrainingStatus) -> Result<bool> {
                 self.0.push(format!("{} of {}", now.step, now.steps));
                 Ok(now.step != 4)
             }
-            fn resumed(&mut self, step: u64, steps: u64, _: &Params) -> Result<()> {
+            fn on_resume(&mut self, step: u64, steps: u64, _: &Params) -> Result<()> {
                 self.0.push(format!("from {step} of {steps}"));
                 Ok(())
             }
         }
-        let tree = Tree::iiwa7_allegro().unwrap();
+        let tree = KinematicTree::iiwa7_allegro().unwrap();
         let folder = tempfile::tempdir().unwrap();
-        let config = DaggerConfig { steps: 6, batch: 4, span: 2, ..tiny() };
-        let mut notes = Notes::default();
+        let config = DaggerConfig { steps: 6, batch: 4, checkpoint_every: 2, ..tiny() };
+        let mut events = Events::default();
         for is_over in [false, true, true] {
-            let lessons = [lesson(0, 0.0), lesson(1, 0.7)];
-            let trained = train(&lessons, &tree, &config, None, folder.path(), &mut notes);
+            let groups = [demo_group(0, 0.0), demo_group(1, 0.7)];
+            let trained = train(&groups, &tree, &config, None, folder.path(), &mut events);
             assert_eq!(trained.unwrap().is_some(), is_over);
         }
-        assert_eq!(notes.0, ["2 of 6", "4 of 6", "from 4 of 6", "6 of 6", "from 6 of 6"]);
+        assert_eq!(events.0, ["2 of 6", "4 of 6", "from 4 of 6", "6 of 6", "from 6 of 6"]);
     }
 
     #[test]
-    fn what_is_not_active_is_not_trained() {
-        let tree = Tree::iiwa7_allegro().unwrap();
+    fn inactive_networks_are_not_trained() {
+        let tree = KinematicTree::iiwa7_allegro().unwrap();
         let trained = |potential_share| {
             let folder = tempfile::tempdir().unwrap();
-            let lessons = [lesson(0, 0.0), lesson(1, 0.7)];
-            let config = DaggerConfig { steps: 6, batch: 4, potential_share, ..tiny() };
-            let mut look_on = |_: &Progress| Ok(true);
-            let trained = train(&lessons, &tree, &config, None, folder.path(), &mut look_on);
+            let groups = [demo_group(0, 0.0), demo_group(1, 0.7)];
+            let config = DaggerConfig {
+                steps: 6,
+                batch: 4,
+                potential_only_fraction: potential_share,
+                ..tiny()
+            };
+            let mut callback = |_: &TrainingStatus| Ok(true);
+            let trained = train(&groups, &tree, &config, None, folder.path(), &mut callback);
             trained.unwrap().unwrap()
         };
         let mut fresh = Params::default();
@@ -344,21 +375,21 @@ mod tests {
     }
 
     #[test]
-    fn a_lesson_that_is_turned_teaches_the_same() {
-        let tree = Tree::iiwa7_allegro().unwrap();
+    fn loss_is_invariant_to_rotation_about_the_robot() {
+        let tree = KinematicTree::iiwa7_allegro().unwrap();
         let config = tiny();
         let mut params = Params::default();
         network::init(&mut params, &config.policy, &mut ChaCha8Rng::seed_from_u64(5)).unwrap();
         let loss_at = |turn: f32| {
-            let lessons = [lesson(2, turn)];
-            let mut state = lessons[0].demonstrations.state(1);
+            let groups = [demo_group(2, turn)];
+            let mut state = groups[0].demonstrations.state(1);
             state.q[3] += 0.05;
-            let visit = Visit { lesson: 0, encoding: 1, state, left: 1 };
+            let rollout = RolloutState { group: 0, encoding: 1, state, steps_left: 1 };
             let network = Network::new(&config.policy, &tree.limits).unwrap();
-            let student = Student { tree: &tree, network, lessons: &lessons, config: &config };
-            student.differentiate(&params, Active::All, &[visit]).unwrap().loss
+            let learner = PolicyLearner { tree: &tree, network, groups: &groups, config: &config };
+            learner.differentiate(&params, TrainableSet::All, &[rollout]).unwrap().loss
         };
-        let (front, turned) = (loss_at(0.0), loss_at(0.7));
-        assert!(front > 1.0 && (front - turned).abs() < 1e-3 * front, "{front}, {turned}");
+        let (front, rotated) = (loss_at(0.0), loss_at(0.7));
+        assert!(front > 1.0 && (front - rotated).abs() < 1e-3 * front, "{front}, {rotated}");
     }
 }

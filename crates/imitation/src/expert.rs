@@ -1,9 +1,9 @@
-//! The surrogate expert: a PD controller along the nearest demonstration (Eq. 1, paper §II-B).
+//! Surrogate expert: a PD controller along the nearest demonstration (Eq. 1, paper §II-B).
 
-use crate::nearest::Configurations;
-use robot::{ARM, DOF, JointState, JointVector};
+use crate::nearest_neighbor::ConfigurationIndex;
+use robot::{ARM_DOF, DOF, JointState, JointVector};
 
-/// Gains of the expert.
+/// PD gains of the expert.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Gains {
     /// k_p (1/s²).
@@ -13,8 +13,8 @@ pub struct Gains {
 }
 
 impl Gains {
-    /// Rows by which a steady follower stays behind its target: k_d / k_p seconds, for want of a
-    /// velocity feed-forward in Eq. 1.
+    /// Steady-state lag behind the target, in rows: k_d / k_p seconds, because Eq. 1 has no velocity
+    /// feed-forward.
     pub fn lag_rows(&self, dt: f64) -> usize {
         (self.velocity / self.position / dt).round() as usize
     }
@@ -25,47 +25,47 @@ pub fn acceleration(gains: &Gains, target: &JointVector, state: &JointState) -> 
     (target - state.q) * gains.position - state.qd * gains.velocity
 }
 
-/// Demonstrations of one object pose, row by row.
+/// Demonstration trajectories of one object pose, concatenated row by row.
 #[derive(Clone, Debug)]
-pub struct Demonstrations {
+pub struct DemoTrajectories {
     rows: Vec<f32>,
-    /// First row of each trajectory, and the number of rows at the end.
+    /// First row of each trajectory, then the total number of rows.
     offsets: Vec<usize>,
-    /// The rows' configurations, weighted.
-    weighted: Configurations,
+    /// Weighted configurations of all rows, for the nearest-neighbour search.
+    weighted: ConfigurationIndex,
 }
 
-const ROW: usize = 2 * DOF;
+const ROW_LEN: usize = 2 * DOF;
 
-/// What a radian of an arm's joint counts for where configurations are compared, those of the hand counting for one:
-/// it moves the hand several times as far. A corner, where the hand has come and the fingers set in to close, is cut
-/// by the less.
+/// Weight of arm joints in the configuration metric (hand joints: 1). An arm joint moves the hand several
+/// times as far. The weight reduces corner cutting at the transition from approach to finger closing.
 const ARM_WEIGHT: f64 = 2.0;
 
-/// What a joint counts for.
-fn weight(joint: usize) -> f64 {
-    if joint < ARM { ARM_WEIGHT } else { 1.0 }
+/// Weight of a joint in the configuration metric.
+fn joint_weight(joint: usize) -> f64 {
+    if joint < ARM_DOF { ARM_WEIGHT } else { 1.0 }
 }
 
-/// Weighted distance (rad) of configurations.
-fn apart(a: &JointVector, b: &JointVector) -> f64 {
-    let squares = (0..DOF).map(|i| (weight(i) * (a[i] - b[i])).powi(2));
+/// Weighted Euclidean distance (rad) of two configurations.
+fn weighted_distance(a: &JointVector, b: &JointVector) -> f64 {
+    let squares = (0..DOF).map(|i| (joint_weight(i) * (a[i] - b[i])).powi(2));
     squares.sum::<f64>().sqrt()
 }
 
-/// Greatest difference (rad) of a joint in postures that are one.
-const ONE_POSTURE: f64 = 1e-3;
+/// Max. difference (rad) of any joint between final postures of the same grasp.
+const SAME_POSTURE: f64 = 1e-3;
 
-impl Demonstrations {
-    /// Takes rows of 46: q, q̇.
+impl DemoTrajectories {
+    /// `rows`: 46 numbers per row (q in rad, q̇ in rad/s). `offsets`: first row of each trajectory, then the
+    /// row count.
     pub fn new(rows: Vec<f32>, offsets: Vec<usize>) -> Self {
-        let weighted = |row: &[f32]| std::array::from_fn(|i| weight(i) as f32 * row[i]);
-        let weighted = Configurations::new(rows.chunks_exact(ROW).map(weighted));
+        let weighted = |row: &[f32]| std::array::from_fn(|i| joint_weight(i) as f32 * row[i]);
+        let weighted = ConfigurationIndex::new(rows.chunks_exact(ROW_LEN).map(weighted));
         Self { rows, offsets, weighted }
     }
 
-    /// Adds every row to a hash.
-    pub(crate) fn digest(&self, hasher: &mut blake3::Hasher) {
+    /// Adds all rows and offsets to a hash.
+    pub(crate) fn hash_into(&self, hasher: &mut blake3::Hasher) {
         let bytes: Vec<u8> = self.rows.iter().flat_map(|x| x.to_le_bytes()).collect();
         hasher.update(&bytes);
         for &offset in &self.offsets {
@@ -73,85 +73,89 @@ impl Demonstrations {
         }
     }
 
-    /// The same, turned by an angle (rad) about the robot's vertical axis: the axis of its first joint.
-    pub fn turned(&self, turn: f32) -> Self {
+    /// The trajectories rotated by an angle (rad) about the robot's vertical axis, which is the axis of joint
+    /// 1.
+    pub fn rotated(&self, turn: f32) -> Self {
         let mut rows = self.rows.clone();
-        rows.iter_mut().step_by(ROW).for_each(|q| *q += turn);
+        rows.iter_mut().step_by(ROW_LEN).for_each(|q| *q += turn);
         Self::new(rows, self.offsets.clone())
     }
 
-    /// Those that end in one posture, apart from the others: one way of grasping each.
-    pub fn by_grasp(&self) -> Vec<Self> {
-        // Rows, ends of trajectories, and the posture in which they end.
-        let mut apart: Vec<(Vec<f32>, Vec<usize>, JointVector)> = Vec::new();
-        for trajectory in 0..self.trajectories() {
-            let (first, end) = self.span(trajectory);
-            let rows = &self.rows[first * ROW..end * ROW];
+    /// Groups the trajectories by their final posture: one group per grasp.
+    pub fn group_by_final_posture(&self) -> Vec<Self> {
+        // Rows, offsets, and final posture of each group.
+        let mut groups: Vec<(Vec<f32>, Vec<usize>, JointVector)> = Vec::new();
+        for trajectory in 0..self.num_trajectories() {
+            let (first, end) = self.row_range(trajectory);
+            let rows = &self.rows[first * ROW_LEN..end * ROW_LEN];
             let last = self.state(end - 1).q;
-            match apart.iter_mut().find(|(_, _, other)| (last - other).amax() < ONE_POSTURE) {
+            match groups.iter_mut().find(|(_, _, other)| (last - other).amax() < SAME_POSTURE) {
                 Some((others, offsets, other)) => {
                     others.extend(rows);
-                    offsets.push(others.len() / ROW);
+                    offsets.push(others.len() / ROW_LEN);
                     *other = last;
                 }
-                None => apart.push((rows.to_vec(), vec![0, end - first], last)),
+                None => groups.push((rows.to_vec(), vec![0, end - first], last)),
             }
         }
-        apart.into_iter().map(|(rows, offsets, _)| Self::new(rows, offsets)).collect()
+        groups.into_iter().map(|(rows, offsets, _)| Self::new(rows, offsets)).collect()
     }
 
     /// Number of trajectories.
-    pub fn trajectories(&self) -> usize {
+    pub fn num_trajectories(&self) -> usize {
         self.offsets.len().saturating_sub(1)
     }
 
-    /// Rows of one trajectory: first, and one past the last.
-    pub fn span(&self, trajectory: usize) -> (usize, usize) {
+    /// Row range of one trajectory: first row, and one past the last.
+    pub fn row_range(&self, trajectory: usize) -> (usize, usize) {
         (self.offsets[trajectory], self.offsets[trajectory + 1])
     }
 
-    /// Number of rows.
+    /// Total number of rows.
     pub fn rows(&self) -> usize {
-        self.rows.len() / ROW
+        self.rows.len() / ROW_LEN
     }
 
-    /// One row as a state.
+    /// The joint state of one row.
     pub fn state(&self, row: usize) -> JointState {
-        let row = &self.rows[row * ROW..(row + 1) * ROW];
+        let row = &self.rows[row * ROW_LEN..(row + 1) * ROW_LEN];
         JointState {
             q: JointVector::from_fn(|i, _| row[i] as f64),
             qd: JointVector::from_fn(|i, _| row[DOF + i] as f64),
         }
     }
 
-    /// The configuration that the expert heads for: at least `rows` after the nearest one and at least
-    /// `lead` (rad, weighted) away from it, or the last one.
+    /// Target configuration of the expert: at least `min_rows` rows after the nearest row and at least
+    /// `lookahead` (rad, weighted) away from it, or the last row.
     ///
-    /// *Departure: the paper looks the trajectory up where a roll-out begins and then marches along it,
-    /// wherever the policy goes meanwhile; what the expert says then depends on when the roll-out
-    /// began, which no policy can know. Looked up at every state, it depends on the state alone.*
+    /// *Departure: the paper selects the trajectory at the start of a rollout and then advances along it,
+    /// independent of the policy's motion. The expert's action then depends on the elapsed time, which the
+    /// policy does not observe. Here the nearest row is searched at every state, so the action depends only
+    /// on the state.*
     ///
-    /// *Departure: Eq. 1 heads for the next row. A follower under Eq. 1 stays rows behind its target,
-    /// and where the demonstration is slow the next row is nearer than a policy can tell: it stalls.*
-    pub fn target(&self, state: &JointState, rows: usize, lead: f64) -> JointVector {
-        let (nearest, end) = self.nearest(&state.q);
+    /// *Departure: the target of Eq. 1 is the next row. A follower under Eq. 1 lags several rows behind its
+    /// target. On slow segments the next row is closer than the policy can resolve, and the policy stalls.*
+    pub fn target(&self, state: &JointState, min_rows: usize, lookahead: f64) -> JointVector {
+        let (nearest, end) = self.nearest_row(&state.q);
         let from = self.state(nearest).q;
-        let mut row = (nearest + rows).min(end - 1);
+        let mut row = (nearest + min_rows).min(end - 1);
         let mut target = self.state(row).q;
-        while row + 1 < end && apart(&target, &from) < lead {
+        while row + 1 < end && weighted_distance(&target, &from) < lookahead {
             row += 1;
             target = self.state(row).q;
         }
         target
     }
 
-    /// The row with the nearest configuration (weighted) over all trajectories, and one past the end of
-    /// its trajectory.
+    /// The row with the nearest configuration (weighted metric) over all trajectories, and the end of its
+    /// trajectory (exclusive).
     ///
-    /// *Departure: the paper compares velocities too. The policy's velocity is off long before its
-    /// configuration is, and a potential, which sees none, cannot follow a target that jumps with it.*
-    pub fn nearest(&self, q: &JointVector) -> (usize, usize) {
-        let nearest = self.weighted.nearest(&std::array::from_fn(|i| (weight(i) * q[i]) as f32));
+    /// *Departure: the paper also compares velocities. The policy's velocity deviates long before its
+    /// configuration. The potential does not observe velocity, so it cannot follow a target that jumps with
+    /// the velocity.*
+    pub fn nearest_row(&self, q: &JointVector) -> (usize, usize) {
+        let nearest =
+            self.weighted.nearest(&std::array::from_fn(|i| (joint_weight(i) * q[i]) as f32));
         let end = self.offsets.partition_point(|&first| first <= nearest);
         (nearest, self.offsets[end])
     }
@@ -163,7 +167,7 @@ mod tests {
     use robot::integrator;
 
     #[test]
-    fn eq1_collapses_onto_its_target() {
+    fn eq1_converges_to_its_target() {
         for (position, velocity) in [(900.0, 45.0), (225.0, 30.0)] {
             let target = JointVector::from_element(0.4);
             let mut state = JointState {
@@ -175,12 +179,12 @@ mod tests {
                 state = integrator::step(&state, &qdd, 1.0 / 30.0);
             }
             let error = (state.q - target).amax() + state.qd.amax();
-            assert!(error < 1e-4, "gains {position}, {velocity}: still off by {error}");
+            assert!(error < 1e-4, "gains {position}, {velocity}: remaining error {error}");
         }
     }
 
     #[test]
-    fn eq1_is_dead_beat_at_900_and_45() {
+    fn eq1_is_deadbeat_with_gains_900_and_45() {
         let target = JointVector::from_element(1.0);
         let mut state = JointState::at_rest(JointVector::zeros());
         for _ in 0..2 {
@@ -191,8 +195,8 @@ mod tests {
     }
 
     #[test]
-    fn the_expert_follows_a_demonstration_to_its_end_at_its_pace() {
-        // One joint moves by 1 rad with a smooth start and stop, in 61 rows; then 15 rows of rest.
+    fn expert_tracks_a_demonstration_in_time_to_its_end() {
+        // One joint moves 1 rad with a smooth start and stop in 61 rows, then rests for 15 rows.
         let dt = 1.0 / 30.0;
         let angle = |row: usize| {
             let s = (row as f64 / 60.0).min(1.0);
@@ -200,15 +204,15 @@ mod tests {
         };
         let mut rows = Vec::new();
         for row in 0..76 {
-            let mut one = vec![0.0; ROW];
+            let mut one = vec![0.0; ROW_LEN];
             one[0] = angle(row) as f32;
             one[DOF] = ((angle(row + 1) - angle(row)) / dt) as f32;
             rows.extend(one);
         }
-        let demonstrations = Demonstrations::new(rows, vec![0, 76]);
+        let demonstrations = DemoTrajectories::new(rows, vec![0, 76]);
         let gains = Gains { position: 225.0, velocity: 30.0 };
         let mut state = demonstrations.state(3);
-        // It sets out beside the path.
+        // Initial offset from the path.
         state.q[4] = 0.05;
         let mut worst = 0.0f64;
         for row in 3..90 {
@@ -216,35 +220,41 @@ mod tests {
             state = integrator::step(&state, &acceleration(&gains, &target, &state), dt);
             worst = worst.max((state.q[0] - angle(row + 1)).abs());
         }
-        assert!(worst < 0.12, "it runs {worst} rad ahead or behind");
-        assert!((state.q[0] - 1.0).abs() < 1e-3 && state.q[4].abs() < 1e-3, "ends at {}", state.q);
+        assert!(worst < 0.12, "max. tracking error {worst} rad");
+        assert!(
+            (state.q[0] - 1.0).abs() < 1e-3 && state.q[4].abs() < 1e-3,
+            "final configuration {}",
+            state.q
+        );
     }
 
     #[test]
-    fn demonstrations_of_one_object_pose_are_told_apart_by_where_they_end() {
-        let row = |q: f32| (0..ROW).map(move |i| if i < DOF { q } else { 0.0 });
-        // They end at 0.5, 0.9 and 0.5.
+    fn trajectories_are_grouped_by_final_posture() {
+        let row = |q: f32| (0..ROW_LEN).map(move |i| if i < DOF { q } else { 0.0 });
+        // Final postures 0.5, 0.9 and 0.5.
         let rows = [0.1, 0.5, 0.3, 0.2, 0.9, 0.4, 0.5].into_iter().flat_map(row).collect();
-        let apart = Demonstrations::new(rows, vec![0, 2, 5, 7]).by_grasp();
-        let found: Vec<(Vec<usize>, f64)> =
-            apart.iter().map(|one| (one.offsets.clone(), one.state(one.rows() - 1).q[3])).collect();
+        let groups = DemoTrajectories::new(rows, vec![0, 2, 5, 7]).group_by_final_posture();
+        let found: Vec<(Vec<usize>, f64)> = groups
+            .iter()
+            .map(|group| (group.offsets.clone(), group.state(group.rows() - 1).q[3]))
+            .collect();
         assert_eq!(found.len(), 2);
         assert!(found[0].0 == [0, 2, 4] && (found[0].1 - 0.5).abs() < 1e-6, "{found:?}");
         assert!(found[1].0 == [0, 3] && (found[1].1 - 0.9).abs() < 1e-6, "{found:?}");
-        assert!((apart[0].state(2).q[0] - 0.4).abs() < 1e-6);
-        assert!(Demonstrations::new(vec![], vec![0]).by_grasp().is_empty());
+        assert!((groups[0].state(2).q[0] - 0.4).abs() < 1e-6);
+        assert!(DemoTrajectories::new(vec![], vec![0]).group_by_final_posture().is_empty());
     }
 
     #[test]
-    fn the_nearest_row_comes_with_the_end_of_its_trajectory() {
-        let mut rows = vec![0.0; 3 * ROW];
-        rows[ROW] = 0.3;
-        rows[2 * ROW] = 0.5;
-        let demonstrations = Demonstrations::new(rows, vec![0, 2, 3]);
+    fn nearest_row_is_returned_with_the_end_of_its_trajectory() {
+        let mut rows = vec![0.0; 3 * ROW_LEN];
+        rows[ROW_LEN] = 0.3;
+        rows[2 * ROW_LEN] = 0.5;
+        let demonstrations = DemoTrajectories::new(rows, vec![0, 2, 3]);
         let mut q = JointVector::zeros();
-        for (at, wanted) in [(0.1, (0, 2)), (0.32, (1, 2)), (0.45, (2, 3))] {
+        for (at, expected) in [(0.1, (0, 2)), (0.32, (1, 2)), (0.45, (2, 3))] {
             q[0] = at;
-            assert_eq!(demonstrations.nearest(&q), wanted);
+            assert_eq!(demonstrations.nearest_row(&q), expected);
         }
     }
 }

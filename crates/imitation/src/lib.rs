@@ -1,29 +1,27 @@
-//! Learning by imitation: surrogate expert, differentiable networks, DAgger.
+//! Imitation learning: surrogate expert, differentiable networks, DAgger.
 //!
-//! Offline: candle trains here, and the networks that run elsewhere are held to these by tests.
+//! Runs offline. The networks are trained with candle; parity tests compare them with the inference code in
+//! `policy`.
 
 pub mod autoencoder;
+pub mod backward;
 pub mod benchmark;
+pub mod callback;
 pub mod checkpoint;
 pub mod dagger;
+pub mod data_parallel;
+pub mod demo_group;
 pub mod encoder;
-pub mod evaluation;
 pub mod expert;
-mod fit;
-pub mod free_rollout;
-pub mod lesson;
+pub mod export;
+pub mod kinematic_rollout;
+pub mod linear_probe;
 pub mod loss;
-pub mod model_files;
-pub mod moments;
-mod nearest;
+mod nearest_neighbor;
 pub mod nn;
-pub mod readout;
 pub mod reconstruction;
-pub mod shards;
+mod rollout_buffer;
+pub mod shape_moments;
 pub mod split;
-pub mod spread;
-pub mod start;
-pub mod step;
-pub mod suite;
-mod visits;
-pub mod watcher;
+pub mod start_net;
+mod supervised;

@@ -1,42 +1,45 @@
-//! Eq. 2: how far what a policy does is from what the expert does, in the joints and at the fingertips.
+//! Eq. 2: imitation loss between policy and expert, in joint space and at the fingertips.
 
 use anyhow::Result;
 use candle_core::{Device, Tensor};
-use robot::{DOF, FINGERS, JointVector, Tree};
+use robot::{DOF, JointVector, KinematicTree, NUM_FINGERS};
 
-/// Numbers that say where the fingertips are.
-const TIPS: usize = 3 * FINGERS;
+/// Number of fingertip coordinates.
+const FINGERTIP_COORDS: usize = 3 * NUM_FINGERS;
 
-/// Mean over states of √(|δ|² + w² Σ |J δ|²), rad/s²: δ is what differs from what is `wanted` there, J the Jacobian of a
-/// fingertip's place in the configuration, w = `tip_weight` (rad/m).
+/// Mean over states of √(|δ|² + w² Σ |J δ|²), in the unit of `predicted` (for accelerations rad/s²). δ =
+/// `predicted` − `target`, shape (B, DOF); J is the position Jacobian of a fingertip at the configuration; w
+/// = `tip_weight` (rad/m).
 ///
-/// *Departure: Eq. 2 has the joints alone. A radian of the shoulder moves the fingertips by half a metre, one of a finger
-/// by a few centimetres, and it is there that an object is touched or missed.*
-pub fn joint_and_tip_error(
-    tree: &Tree,
+/// *Departure: Eq. 2 has only the joint term. One radian at the shoulder moves the fingertips by half a
+/// metre, one radian at a finger joint by a few centimetres, and the fingertip positions decide whether the
+/// grasp succeeds.*
+pub fn joint_and_fingertip_error(
+    tree: &KinematicTree,
     configurations: &[JointVector],
-    made: &Tensor,
-    wanted: &[JointVector],
+    predicted: &Tensor,
+    target: &[JointVector],
     tip_weight: f64,
 ) -> Result<Tensor> {
     let count = configurations.len();
-    let wanted: Vec<f32> = wanted.iter().flatten().map(|x| *x as f32).collect();
-    let off = (made - Tensor::from_vec(wanted, (count, DOF), &Device::Cpu)?)?;
-    let lever = |q: &JointVector| tip_jacobian(tree, q).map(|x| (tip_weight * x) as f32);
-    let levers: Vec<f32> = configurations.iter().flat_map(lever).collect();
-    let levers = Tensor::from_vec(levers, (count, TIPS, DOF), &Device::Cpu)?;
-    let at_tips = levers.matmul(&off.unsqueeze(2)?)?.squeeze(2)?;
-    let squares = (off.sqr()?.sum(1)? + at_tips.sqr()?.sum(1)?)?;
-    // The small addend keeps the norm's gradient finite where policy and expert agree.
+    let target: Vec<f32> = target.iter().flatten().map(|x| *x as f32).collect();
+    let error = (predicted - Tensor::from_vec(target, (count, DOF), &Device::Cpu)?)?;
+    let jacobian = |q: &JointVector| fingertip_jacobian(tree, q).map(|x| (tip_weight * x) as f32);
+    let jacobians: Vec<f32> = configurations.iter().flat_map(jacobian).collect();
+    let jacobians = Tensor::from_vec(jacobians, (count, FINGERTIP_COORDS, DOF), &Device::Cpu)?;
+    let at_tips = jacobians.matmul(&error.unsqueeze(2)?)?.squeeze(2)?;
+    let squares = (error.sqr()?.sum(1)? + at_tips.sqr()?.sum(1)?)?;
+    // The small constant keeps the gradient of the norm finite where prediction and target agree.
     Ok((squares + 1e-6)?.sqrt()?.mean_all()?)
 }
 
-/// Jacobian (m/rad) of the places of the four fingertips, shape (12, 23), row after row.
-fn tip_jacobian(tree: &Tree, q: &JointVector) -> [f64; TIPS * DOF] {
-    let kinematics = tree.kinematics(q);
-    let mut rows = [0.0; TIPS * DOF];
-    for (finger, (tip, place)) in tree.tips.iter().zip(kinematics.tips()).enumerate() {
-        let jacobian = kinematics.point_jacobian(tip.body, &place);
+/// Position Jacobian (m/rad) of the four fingertips, shape (12, 23), row-major.
+fn fingertip_jacobian(tree: &KinematicTree, q: &JointVector) -> [f64; FINGERTIP_COORDS * DOF] {
+    let kinematics = tree.forward_kinematics(q);
+    let mut rows = [0.0; FINGERTIP_COORDS * DOF];
+    for (finger, (tip, position)) in tree.fingertips.iter().zip(kinematics.fingertips()).enumerate()
+    {
+        let jacobian = kinematics.point_jacobian(tip.body, &position);
         for axis in 0..3 {
             for joint in 0..DOF {
                 rows[(3 * finger + axis) * DOF + joint] = jacobian[(axis, joint)];
@@ -51,60 +54,68 @@ mod tests {
     use super::*;
 
     #[test]
-    fn it_is_the_way_of_joints_and_fingertips() {
-        let tree = Tree::iiwa7_allegro().unwrap();
+    fn loss_combines_joint_and_fingertip_displacement() {
+        let tree = KinematicTree::iiwa7_allegro().unwrap();
         let q = JointVector::from_fn(|i, _| 0.3 * libm::cos(i as f64));
-        let wanted = JointVector::from_fn(|i, _| libm::sin(3.0 * i as f64));
+        let target = JointVector::from_fn(|i, _| libm::sin(3.0 * i as f64));
         let step = JointVector::from_fn(|i, _| libm::sin(2.0 * i as f64 + 1.0));
-        let made: Vec<f32> = (wanted + step).iter().map(|x| *x as f32).collect();
-        let made = Tensor::from_vec(made, (1, DOF), &Device::Cpu).unwrap();
-        // How far the tips go when the configuration goes a little way along the step.
+        let predicted: Vec<f32> = (target + step).iter().map(|x| *x as f32).collect();
+        let predicted = Tensor::from_vec(predicted, (1, DOF), &Device::Cpu).unwrap();
+        // Directional derivative of the fingertip positions along the step, by central differences.
         let h = 1e-6;
-        let (there, back) = (q + step * h, q - step * h);
-        let (there, back) = (tree.kinematics(&there).tips(), tree.kinematics(&back).tips());
-        let way = |(a, b): (&robot::Vector, &robot::Vector)| ((a - b) / (2.0 * h)).norm_squared();
-        let tips: f64 = there.iter().zip(&back).map(way).sum();
+        let (plus, minus) = (q + step * h, q - step * h);
+        let (plus, minus) = (
+            tree.forward_kinematics(&plus).fingertips(),
+            tree.forward_kinematics(&minus).fingertips(),
+        );
+        let rate = |(a, b): (&robot::Vector, &robot::Vector)| ((a - b) / (2.0 * h)).norm_squared();
+        let tips: f64 = plus.iter().zip(&minus).map(rate).sum();
         for tip_weight in [0.0, 1.0, 3.0] {
-            let found = joint_and_tip_error(&tree, &[q], &made, &[wanted], tip_weight).unwrap();
+            let found =
+                joint_and_fingertip_error(&tree, &[q], &predicted, &[target], tip_weight).unwrap();
             let found = f64::from(found.to_scalar::<f32>().unwrap());
             let expected = f64::sqrt(step.norm_squared() + tip_weight * tip_weight * tips);
-            assert!((found - expected).abs() < 1e-5 * expected, "{found} against {expected}");
+            assert!((found - expected).abs() < 1e-5 * expected, "got {found}, expected {expected}");
         }
     }
 
     #[test]
-    fn its_gradient_is_its_slope() {
-        let tree = Tree::iiwa7_allegro().unwrap();
+    fn loss_gradient_matches_central_differences() {
+        let tree = KinematicTree::iiwa7_allegro().unwrap();
         let q = JointVector::from_fn(|i, _| 0.3 * libm::cos(i as f64));
-        let wanted = [JointVector::zeros()];
-        let made = JointVector::from_fn(|i, _| libm::sin(2.0 * i as f64 + 1.0));
-        let way = JointVector::from_fn(|i, _| libm::cos(5.0 * i as f64));
-        let row = |made: JointVector| -> Vec<f32> { made.iter().map(|x| *x as f32).collect() };
-        let loss = |made: &Tensor| joint_and_tip_error(&tree, &[q], made, &wanted, 3.0).unwrap();
-        let var = candle_core::Var::from_vec(row(made), (1, DOF), &Device::Cpu).unwrap();
+        let target = [JointVector::zeros()];
+        let predicted = JointVector::from_fn(|i, _| libm::sin(2.0 * i as f64 + 1.0));
+        let direction = JointVector::from_fn(|i, _| libm::cos(5.0 * i as f64));
+        let row = |q: JointVector| -> Vec<f32> { q.iter().map(|x| *x as f32).collect() };
+        let loss = |x: &Tensor| joint_and_fingertip_error(&tree, &[q], x, &target, 3.0).unwrap();
+        let var = candle_core::Var::from_vec(row(predicted), (1, DOF), &Device::Cpu).unwrap();
         let store = loss(&var).backward().unwrap();
         let gradient = store.get(&var).unwrap().to_vec2::<f32>().unwrap().remove(0);
-        let along: f64 = gradient.iter().zip(&way).map(|(g, x)| f64::from(*g) * x).sum();
+        let along: f64 = gradient.iter().zip(&direction).map(|(g, x)| f64::from(*g) * x).sum();
         let h = 1e-2;
-        let at = |share: f64| {
-            let made = Tensor::from_vec(row(made + way * share), (1, DOF), &Device::Cpu).unwrap();
-            f64::from(loss(&made).to_scalar::<f32>().unwrap())
+        let at = |step: f64| {
+            let x = row(predicted + direction * step);
+            let x = Tensor::from_vec(x, (1, DOF), &Device::Cpu).unwrap();
+            f64::from(loss(&x).to_scalar::<f32>().unwrap())
         };
         let slope = (at(h) - at(-h)) / (2.0 * h);
-        assert!((slope - along).abs() < 1e-3 * (1.0 + slope.abs()), "{slope} against {along}");
+        assert!(
+            (slope - along).abs() < 1e-3 * (1.0 + slope.abs()),
+            "central difference {slope}, gradient {along}"
+        );
     }
 
     #[test]
-    fn it_is_the_mean_over_states() {
-        let tree = Tree::iiwa7_allegro().unwrap();
+    fn loss_is_the_mean_over_states() {
+        let tree = KinematicTree::iiwa7_allegro().unwrap();
         let [a, b] = [0.1, 0.4].map(JointVector::from_element);
-        let made = Tensor::zeros((2, DOF), candle_core::DType::F32, &Device::Cpu).unwrap();
-        let error = |q: &[JointVector], made: &Tensor, wanted: &[JointVector]| {
-            let found = joint_and_tip_error(&tree, q, made, wanted, 3.0).unwrap();
+        let predicted = Tensor::zeros((2, DOF), candle_core::DType::F32, &Device::Cpu).unwrap();
+        let error = |q: &[JointVector], x: &Tensor, target: &[JointVector]| {
+            let found = joint_and_fingertip_error(&tree, q, x, target, 3.0).unwrap();
             found.to_scalar::<f32>().unwrap()
         };
-        let one = |q, row| error(&[q], &made.narrow(0, row, 1).unwrap(), &[b]);
-        let both = error(&[a, b], &made, &[b, b]);
+        let one = |q, row| error(&[q], &predicted.narrow(0, row, 1).unwrap(), &[b]);
+        let both = error(&[a, b], &predicted, &[b, b]);
         assert!((both - 0.5 * (one(a, 0) + one(b, 1))).abs() < 1e-5 * both);
     }
 }

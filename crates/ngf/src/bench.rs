@@ -1,33 +1,33 @@
-//! `ngf bench`: milliseconds of what runs in an attempt, on this machine.
+//! `ngf bench`: time (ms) of the components of an attempt, on this machine.
 
-use crate::engine;
+use crate::datagen;
 use anyhow::{Context, Result};
-use dataset::store;
-use geometry::object::Object;
+use evaluation::percentiles::median;
+use files::atomic_file;
 use imitation::nn::{Params, autoencoder, ngf};
-use imitation::spread::median;
+use objects::object::Object;
 use policy::ngf::NgfConfig;
 use policy::weights::Tensors;
-use policy::{Encoder, LATENT, Ngf, Whitening};
+use policy::{Encoder, LATENT_DIM, Ngf, Whitening};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
-use rollout::{Attempt, Controller, Phase, Workcell};
+use rollout::{Attempt, Controller, Phase, RolloutContext};
 use scene::{Scene, Simulation};
 use std::path::PathBuf;
 use std::time::Instant;
 
-/// Where the rows go.
+/// Selection and output of the benchmark.
 #[derive(clap::Args)]
 pub(crate) struct Options {
-    /// Also write the rows to this file.
+    /// Also write the rows to this JSON file
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
-    /// Print nothing.
+    /// Do not print the rows
     #[arg(long)]
     quiet: bool,
-    /// Measure the steps of training instead, on two threads.
+    /// Measure training steps instead, on two threads
     #[arg(long)]
-    pub(crate) learning: bool,
+    pub(crate) training: bool,
 }
 
 /// One measurement: the median over its repeats.
@@ -38,29 +38,29 @@ pub(crate) struct Row {
     pub(crate) unit: &'static str,
 }
 
-/// Measures, prints and writes. Weights are random: their values do not change the time.
+/// Measures, prints and writes the rows. Weights are random; their values do not affect the time.
 pub(crate) fn run(options: &Options) -> Result<()> {
-    let rows = if options.learning { learning()? } else { acting()? };
+    let rows = if options.training { training_rows()? } else { attempt_rows()? };
     for row in rows.iter().filter(|_| !options.quiet) {
         println!("{:32} {:8.3} {}", row.name, row.value, row.unit);
     }
     match &options.json {
-        Some(path) => store::write(path, &serde_json::to_vec_pretty(&rows)?),
+        Some(path) => atomic_file::write(path, &serde_json::to_vec_pretty(&rows)?),
         None => Ok(()),
     }
 }
 
-/// Steps of training.
-fn learning() -> Result<Vec<Row>> {
+/// Rows of training steps.
+fn training_rows() -> Result<Vec<Row>> {
     let rows = imitation::benchmark::rows()?;
     Ok(rows.into_iter().map(|(name, value)| Row { name, value, unit: "ms" }).collect())
 }
 
-/// What runs in an attempt, and what makes data.
-fn acting() -> Result<Vec<Row>> {
-    let workcell = Workcell::new()?;
-    let robot = &workcell.robot;
-    let object = Object::built_in("sugar_box").context("the sugar box")?;
+/// Rows of the components of an attempt, and of data generation.
+fn attempt_rows() -> Result<Vec<Row>> {
+    let context = RolloutContext::new()?;
+    let robot = &context.robot;
+    let object = Object::from_catalog("sugar_box").context("the sugar box is missing")?;
     let mut rng = ChaCha8Rng::seed_from_u64(0);
     let mut params = Params::default();
     let config = NgfConfig::paper();
@@ -68,53 +68,57 @@ fn acting() -> Result<Vec<Row>> {
     autoencoder::init(&mut params, &mut rng)?;
     let bytes = params.export(&Whitening::identity().tensors())?;
     let tensors = Tensors::parse(&bytes)?;
-    let policy = Ngf::load(&tensors, &config, LATENT, &robot.tree.limits)?;
+    let policy = Ngf::load(&tensors, &config, LATENT_DIM, &robot.tree.limits)?;
     let encoder = Encoder::load(&tensors)?;
 
-    let pose = robot.config.upright(0.6, 0.0, 0.4);
-    let cloud = workcell.eye.cloud(&workcell.eye.frame(&object.mesh, &pose, &mut rng));
-    let z = encoder.encode(&cloud).context("a cloud")?.z;
+    let pose = robot.config.object_pose(0.6, 0.0, 0.4);
+    let cloud =
+        context.sensor.extract_cloud(&context.sensor.capture(&object.mesh, &pose, &mut rng));
+    let z = encoder.encode(&cloud).context("cannot encode the cloud")?.latent;
     let state = robot::JointState::at_rest(robot.nominal);
     let mut rows = vec![
-        row("policy_step_native", 200, || {
+        measure("policy_step_native", 200, || {
             std::hint::black_box(policy.acceleration(&state, &z));
         }),
-        row("encode_native", 20, || {
+        measure("encode_native", 20, || {
             std::hint::black_box(encoder.encode(&cloud));
         }),
-        row("depth_frame_native", 10, || {
-            workcell.eye.frame(&object.mesh, &pose, &mut rng);
+        measure("depth_frame_native", 10, || {
+            context.sensor.capture(&object.mesh, &pose, &mut rng);
         }),
     ];
     let mut ticks = Vec::new();
-    let mut attempt =
-        Attempt::begin(&workcell, &object, "sugar_box", None, 0, Controller::Planner)?;
-    while attempt.verdict().is_none() {
-        let begin = Instant::now();
-        attempt.tick(&workcell);
+    let mut attempt = Attempt::new(&context, &object, "sugar_box", None, 0, Controller::Planner)?;
+    while attempt.outcome().is_none() {
+        let start = Instant::now();
+        attempt.step(&context);
         if attempt.phase() == Phase::Hold {
-            ticks.push(begin.elapsed().as_secs_f64() * 1e3);
+            ticks.push(start.elapsed().as_secs_f64() * 1e3);
         }
     }
-    rows.push(Row { name: "physics_tick_in_contact_native", value: middle(ticks), unit: "ms" });
+    rows.push(Row {
+        name: "physics_tick_in_contact_native",
+        value: median_or_nan(ticks),
+        unit: "ms",
+    });
     let home = robot::JointState::at_rest(robot.config.home());
     let mut scene = Scene::new(&robot.config, &robot.tree, &object, &pose, &home.q)?;
-    let mut step = row("physics_step_home", 200, || scene.follow(&home, &home));
+    let mut step = measure("physics_step_home", 200, || scene.track(&home, &home));
     step.value /= robot.config.physics.substeps as f64;
     rows.push(step);
-    rows.extend(engine::rows(robot)?);
+    rows.extend(datagen::rows(robot)?);
     Ok(rows)
 }
 
-fn middle(values: Vec<f64>) -> f64 {
+fn median_or_nan(values: Vec<f64>) -> f64 {
     median(values).unwrap_or(f64::NAN)
 }
 
-fn row(name: &'static str, repeats: usize, mut work: impl FnMut()) -> Row {
+fn measure(name: &'static str, repeats: usize, mut work: impl FnMut()) -> Row {
     let time = |_| {
-        let begin = Instant::now();
+        let start = Instant::now();
         work();
-        begin.elapsed().as_secs_f64() * 1e3
+        start.elapsed().as_secs_f64() * 1e3
     };
-    Row { name, value: middle((0..repeats).map(time).collect()), unit: "ms" }
+    Row { name, value: median_or_nan((0..repeats).map(time).collect()), unit: "ms" }
 }

@@ -1,79 +1,81 @@
-//! `ngf evaluate`: attempts by the protocol, with controls, as a table and as JSON.
+//! `ngf evaluate`: grasp attempts of a policy and of controls, as a table and as JSON.
 
-use crate::bar::Bar;
 use crate::card;
-use crate::objects::{ObjectOptions, Subject};
-use crate::train::at_least_one;
+use crate::object_selection::{ObjectOptions, SelectedObject};
+use crate::progress_bar::Bar;
+use crate::train::parse_positive;
 use anyhow::{Context, Result, bail};
-use dataset::store;
-use geometry::catalog::{CATALOG, Entry, of_family};
-use geometry::object::Object;
-use imitation::evaluation::{self, Report};
-use rollout::{Controller, Workcell};
+use evaluation::EvaluationReport;
+use files::atomic_file;
+use objects::catalog::{CATALOG, CatalogEntry, entries_of_family};
+use objects::object::Object;
+use rollout::{Controller, RolloutContext};
 use std::collections::BTreeSet;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// What to evaluate.
+/// Model, objects and attempts to evaluate.
 #[derive(clap::Args)]
 pub(crate) struct Options {
-    /// Model by name (a folder of models/) or by folder; `planner` needs none.
+    /// Model: name of a folder in models/, path of a folder, or `planner`
     #[arg(long, value_name = "NAME|DIR")]
     model: String,
     #[command(flatten)]
     object: ObjectOptions,
-    /// Every built-in object of these families instead of one object, with their sums.
+    /// Evaluate every built-in object of these families, with sums, instead of one object
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     #[arg(conflicts_with_all = ["object", "mesh", "friction"])]
     family: Vec<String>,
-    /// Attempts with each object.
-    #[arg(long, default_value_t = 100, value_parser = at_least_one)]
+    /// Attempts per object
+    #[arg(long, default_value_t = 100, value_parser = parse_positive)]
     attempts: usize,
-    /// Seed of the first attempt.
+    /// Seed of the first attempt
     #[arg(long, default_value_t = 0)]
     seed: u64,
-    /// Pose of the object for all attempts instead of a drawn one: x, y (m) and yaw (rad).
+    /// Fixed object pose for all attempts: x, y (m) and yaw (rad)
     #[arg(long, value_name = "X,Y,YAW", value_delimiter = ',', allow_hyphen_values = true)]
     pose: Option<Vec<f32>>,
-    /// Where to write the report.
+    /// Write the reports as JSON to this file
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
-    /// Card of the model to put the counts into; it holds attempts by the protocol.
+    /// Model card to update with the results; requires protocol conditions (no --pose, no --friction)
     #[arg(long, value_name = "FILE", conflicts_with_all = ["pose", "friction"])]
     card: Option<PathBuf>,
-    /// Evaluate the controls too.
+    /// Also evaluate the controls
     #[arg(long)]
     controls: bool,
-    /// What the policy is told of the joints: what it commanded, as it was trained, or what is measured.
+    /// Joint state observed by the policy: its own commands, as in training, or measurements
     #[arg(long, value_enum, default_value_t = Feedback::Commanded)]
     #[arg(conflicts_with = "card")]
     feedback: Feedback,
 }
 
-/// What a policy is told of the joints.
+/// Joint state observed by the policy.
 #[derive(Clone, Copy, Debug, PartialEq, clap::ValueEnum)]
 enum Feedback {
+    /// Commanded joint state, as in training
     Commanded,
+    /// Measured joint state
     Measured,
 }
 
-/// Evaluates and prints one line for each controller, and for families their sums.
+/// Evaluates, prints one line per controller and object, and the sums by family.
 pub(crate) fn run(options: &Options) -> Result<()> {
-    let mut workcell = Workcell::new()?;
+    let mut context = RolloutContext::new()?;
     let model_hash = match options.model.as_str() {
         "planner" => None,
-        model => Some(load(&mut workcell, model)?),
+        model => Some(load_model(&mut context, model)?),
     };
     if model_hash.is_none() && options.card.is_some() {
-        bail!("--card is of a model, and the planner is none");
+        bail!("--card needs a model; the planner has no card");
     }
-    let objects = objects(options, &workcell)?;
-    let pose = pose(options)?;
+    let objects = select_objects(options, &context)?;
+    let pose = parse_pose(options)?;
     let seeds = seeds(options.seed, options.attempts)?;
     let mut reports = Vec::new();
-    for Subject { name, object, stands } in &objects {
-        for (label, controller, object) in contestants(options, object) {
+    for SelectedObject { name, object, orientation } in &objects {
+        for (label, controller, object) in controllers(options, object) {
             let (bar, done) = (Bar::new(&label, options.attempts), AtomicUsize::new(0));
             let advance = |_: &rollout::Attempt| {
                 bar.set(1 + done.fetch_add(1, Ordering::Relaxed));
@@ -81,59 +83,61 @@ pub(crate) fn run(options: &Options) -> Result<()> {
             };
             let seeds = seeds.clone();
             let mut report =
-                evaluation::evaluate(&workcell, &object, name, &controller, pose, seeds, &advance)?;
+                evaluation::evaluate(&context, &object, name, &controller, pose, seeds, &advance)?;
             bar.clear();
             report.policy = label;
             report.model_hash.clone_from(&model_hash);
-            report.stands = *stands;
-            print(&report);
+            report.orientation = *orientation;
+            print_report(&report);
             reports.push(report);
         }
     }
     print_sums(options, &reports);
     if let Some(path) = &options.json {
-        store::write(path, &serde_json::to_vec_pretty(&reports)?)?;
+        atomic_file::write(path, &serde_json::to_vec_pretty(&reports)?)?;
     }
     options.card.as_ref().map_or(Ok(()), |path| card::update(path, &reports))
 }
 
-/// The seeds of so many attempts.
+/// Seeds of `attempts` attempts from `first` on.
 pub(crate) fn seeds(first: u64, attempts: usize) -> Result<Range<u64>> {
-    let most = u64::MAX - attempts as u64;
-    if first > most {
-        bail!("--seed may be at most {most} for {attempts} attempts");
+    let max = u64::MAX - attempts as u64;
+    if first > max {
+        bail!("--seed must not exceed {max} for {attempts} attempts");
     }
     Ok(first..first + attempts as u64)
 }
 
-/// Objects that are attempted; a mesh lies as the page has it with this model.
-fn objects(options: &Options, mut workcell: &Workcell) -> Result<Vec<Subject>> {
+/// Selected objects. The model of `context` chooses the stable pose of a mesh, as on the page.
+fn select_objects(options: &Options, mut context: &RolloutContext) -> Result<Vec<SelectedObject>> {
     if options.family.is_empty() {
-        return Ok(vec![options.object.load_as(&mut workcell)?]);
+        return Ok(vec![options.object.load_with(&mut context)?]);
     }
     let families: BTreeSet<&str> = CATALOG.iter().map(|entry| entry.family).collect();
     if let Some(unknown) = options.family.iter().find(|name| !families.contains(name.as_str())) {
         let families: Vec<&str> = families.into_iter().collect();
-        bail!("there is no family {unknown}; there are {}", families.join(", "));
+        bail!("no family named {unknown}; known families: {}", families.join(", "));
     }
-    // A family that is named twice is counted once.
-    let asked: BTreeSet<&String> = options.family.iter().collect();
-    let named = asked.into_iter().flat_map(|family| of_family(family));
-    named.map(|entry: &Entry| Subject::built_in(entry.name)).collect()
+    // Duplicate family names count once.
+    let requested: BTreeSet<&String> = options.family.iter().collect();
+    let entries = requested.into_iter().flat_map(|family| entries_of_family(family));
+    entries.map(|entry: &CatalogEntry| SelectedObject::built_in(entry.name)).collect()
 }
 
-/// Who acts on an object: name, controller, and the object as it is for it.
-fn contestants(options: &Options, object: &Object) -> Vec<(String, Controller, Object)> {
+/// Controllers to evaluate on an object: label, controller, and the object with its friction.
+fn controllers(options: &Options, object: &Object) -> Vec<(String, Controller, Object)> {
     let (label, controller) = match options.model.as_str() {
         "planner" => ("planner", Controller::Planner),
-        _ if options.feedback == Feedback::Measured => ("policy, measured", Controller::Measured),
+        _ if options.feedback == Feedback::Measured => {
+            ("policy, measured", Controller::PolicyMeasured)
+        }
         _ => ("policy", Controller::Policy),
     };
     let mut all = vec![(label.to_owned(), controller.clone(), object.clone())];
     if options.controls {
         if options.model != "planner" {
             let other = |label: &str, controller| (label.to_owned(), controller, object.clone());
-            all.push(other("no policy", Controller::Script));
+            all.push(other("no policy", Controller::ScriptedClose));
             all.push(other("shuffled z", Controller::ShuffledLatent));
             all.push(other("zero z", Controller::ZeroLatent));
         }
@@ -143,34 +147,35 @@ fn contestants(options: &Options, object: &Object) -> Vec<(String, Controller, O
     all
 }
 
-/// Pose of the object for all attempts, if one is given.
-fn pose(options: &Options) -> Result<Option<[f32; 3]>> {
+/// Fixed object pose for all attempts, if given.
+fn parse_pose(options: &Options) -> Result<Option<[f32; 3]>> {
     Ok(match options.pose.as_deref() {
         Some(&[x, y, yaw]) if [x, y, yaw].iter().all(|number| number.is_finite()) => {
             Some([x, y, yaw])
         }
-        Some(&[_, _, _]) => bail!("--pose takes finite numbers"),
-        Some(other) => bail!("--pose takes x,y,yaw, found {} numbers", other.len()),
+        Some(&[_, _, _]) => bail!("--pose needs finite numbers"),
+        Some(other) => bail!("--pose needs x,y,yaw, found {} numbers", other.len()),
         None => None,
     })
 }
 
-/// For each controller the sum of each family, and that of all of them, with the interval for objects like these.
-fn print_sums(options: &Options, reports: &[Report]) {
+/// Prints the sum of each family for each controller, and the sum of all families. The interval is clustered
+/// by object.
+fn print_sums(options: &Options, reports: &[EvaluationReport]) {
     let labels: BTreeSet<&str> = reports.iter().map(|report| report.policy.as_str()).collect();
     let sum = |label: &str, of: &str, is_in: &dyn Fn(&str) -> bool| {
         let counted = reports.iter().filter(|r| r.policy == label && is_in(&r.object));
         let counts: Vec<_> = counted.map(|report| (report.lifted, report.attempts)).collect();
         let (lifted, attempts) = counts.iter().fold((0, 0), |(l, n), (k, m)| (l + k, n + m));
-        let [low, high] = rollout::wilson95_among(&counts).map(|x| 100.0 * x);
+        let [low, high] = rollout::clustered_wilson95(&counts).map(|x| 100.0 * x);
         println!(
             "{label:18} {of:14} {lifted:3} of {attempts:3} lifted, \
-             95 % interval among objects {low:.0}..{high:.0} %"
+             95 % interval clustered by object {low:.0}..{high:.0} %"
         );
     };
     for label in labels {
         for family in options.family.iter().collect::<BTreeSet<_>>() {
-            let is_in = |name: &str| of_family(family).any(|entry| entry.name == name);
+            let is_in = |name: &str| entries_of_family(family).any(|entry| entry.name == name);
             sum(label, family, &is_in);
         }
         if options.family.len() > 1 {
@@ -179,12 +184,14 @@ fn print_sums(options: &Options, reports: &[Report]) {
     }
 }
 
-pub(crate) fn print(report: &Report) {
+pub(crate) fn print_report(report: &EvaluationReport) {
     let [low, high] = report.wilson95.map(|x| 100.0 * x);
     let failures: Vec<String> =
         report.failures.iter().map(|(reason, count)| format!("{count} {reason}")).collect();
-    let off = report.off().map(|m| format!("; the encoder is off by {:.1} mm", 1000.0 * m));
-    let like = report.most_like().map(|object| format!("; most like {object}"));
+    let error = report
+        .median_reconstruction_error()
+        .map(|m| format!("; reconstruction error {:.1} mm", 1000.0 * m));
+    let nearest = report.nearest_object().map(|object| format!("; nearest object {object}"));
     println!(
         "{:18} {:14} {:3} of {:3} lifted, 95 % interval {low:.0}..{high:.0} %  {}{}",
         report.policy,
@@ -192,35 +199,38 @@ pub(crate) fn print(report: &Report) {
         report.lifted,
         report.attempts,
         failures.join(", "),
-        like.unwrap_or_default() + &off.unwrap_or_default()
+        nearest.unwrap_or_default() + &error.unwrap_or_default()
     );
 }
 
-/// Loads a model from models/NAME or from a folder; gives the hash of its files.
-pub(crate) fn load(workcell: &mut Workcell, model: &str) -> Result<String> {
-    let (named, folder) = (Path::new("models").join(model), Path::new(model));
-    // `./NAME` is a folder.
-    if model.contains(std::path::is_separator) || !named.is_dir() {
-        return load_folder(workcell, folder);
+/// Loads a model from models/NAME or from a folder; returns the hash of its files.
+pub(crate) fn load_model(context: &mut RolloutContext, model: &str) -> Result<String> {
+    let (bundled, folder) = (Path::new("models").join(model), Path::new(model));
+    // `./NAME` always means a folder.
+    if model.contains(std::path::is_separator) || !bundled.is_dir() {
+        return load_model_folder(context, folder);
     }
     if folder.join("config.json").exists() {
-        bail!("{model} is a model here and in models/; say ./{model} or models/{model}");
+        bail!("{model} exists both here and in models/; use ./{model} or models/{model}");
     }
-    load_folder(workcell, &named)
+    load_model_folder(context, &bundled)
 }
 
-/// Loads the model of a folder; gives the hash of its files.
-pub(crate) fn load_folder(workcell: &mut Workcell, folder: &Path) -> Result<String> {
+/// Loads the model in a folder; returns the hash of its files.
+pub(crate) fn load_model_folder(context: &mut RolloutContext, folder: &Path) -> Result<String> {
     let read = |file: &str| {
         let path = folder.join(file);
         std::fs::read(&path).with_context(|| {
             format!(
-                "{} cannot be read; --model names a folder of models/ or any folder",
+                "cannot read {}; --model needs the name of a folder in models/ or the path of a folder",
                 path.display()
             )
         })
     };
-    let [weights, starts, config] =
-        [read("weights.safetensors")?, read("starts.safetensors")?, read("config.json")?];
-    Ok(workcell.load_model(&weights, &starts, &config)?)
+    let [weights, starts, config] = [
+        read("weights.safetensors")?,
+        read("start_configurations.safetensors")?,
+        read("config.json")?,
+    ];
+    Ok(context.load_model(&weights, &starts, &config)?)
 }

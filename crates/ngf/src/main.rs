@@ -1,71 +1,78 @@
-//! The command line of ngf-grasp.
+//! Command-line interface of ngf-grasp.
 
-mod bar;
 mod bench;
 mod card;
+mod compare;
+mod datagen;
 mod dataset;
-mod engine;
-mod environment;
 mod evaluate;
-mod examine;
 mod grasps;
-mod journal;
-mod link;
+mod job_client;
 mod mesh;
-mod objects;
+mod object_selection;
+mod progress_bar;
+mod record;
 mod replay;
-mod report;
+mod result_cache;
 mod serve;
-mod suite;
+mod share_link;
 mod train;
+mod training_env;
+mod validate;
 
 use clap::{Parser, Subcommand};
 
-/// Grasping with Neural Geometric Fabrics.
+/// Grasping with Neural Geometric Fabrics
 #[derive(Parser)]
 #[command(name = "ngf", version)]
 struct Cli {
     #[command(subcommand)]
-    command: Command,
+    command: CliCommand,
 }
 
 #[derive(Subcommand)]
-enum Command {
-    /// Serve the page and the models.
+enum CliCommand {
+    /// Serve the page, the models and the job API
     Serve(serve::Options),
-    /// List the built-in objects, or draw them on a contact sheet.
-    Objects(objects::SheetOptions),
-    /// Say what a mesh file is, and split it into convex parts.
-    Mesh(mesh::Options),
-    /// Search grasps of an object in physics.
+    /// List the built-in objects, or draw them on a contact sheet
+    Objects(object_selection::ListOptions),
+    /// Inspect mesh files
+    #[command(subcommand)]
+    Mesh(mesh::MeshCommand),
+    /// Search for grasps of an object in simulation
     Grasps(grasps::Options),
-    /// Make demonstrations and clouds, or look into a dataset.
-    Dataset(dataset::Options),
-    /// Train an encoder, a policy or a start network.
+    /// Generate and inspect datasets of demonstrations and point clouds
+    #[command(subcommand)]
+    Dataset(dataset::DatasetCommand),
+    /// Train an encoder, a policy or a start network
     #[command(subcommand)]
     Train(train::Options),
-    /// Run attempts by the protocol and count them.
+    /// Run grasp attempts and report success rates
     Evaluate(evaluate::Options),
-    /// Roll a policy out on the poses of a dataset: how far off it ends, object by object.
-    Examine(examine::Options),
-    /// Compare the paper's policies on the same attempts, with controls, as table and figure.
-    Suite(suite::Options),
-    /// Measure what runs in an attempt.
+    /// Roll out a policy on the poses of a dataset and print fingertip errors by object
+    Validate(validate::Options),
+    /// Compare policies and controls on the same attempts, as a table and a chart
+    Compare(compare::Options),
+    /// Benchmark the components of an attempt
     Bench(bench::Options),
-    /// Replay a recorded episode and print its verdict and final state hash.
+    /// Replay a recording or a share link; print the outcome and the final state hash
     Replay(replay::Options),
+    /// Record an attempt of the planner and check that its recording replays
+    Record(record::Options),
 }
 
 fn main() -> std::process::ExitCode {
     let command = Cli::parse().command;
-    // Whoever reads no further, as `head`, ends a program that prints; a server outlives its readers, and a job the server.
-    if !matches!(command, Command::Serve(_)) && !report::is_asked() {
+    // A closed pipe, as with `head`, ends a command that prints. A server outlives its terminal, and a job
+    // outlives the server.
+    if !matches!(command, CliCommand::Serve(_)) && !job_client::is_job() {
         sigpipe::reset();
     }
-    // A report tells of one process from its beginning.
-    let ready = if trains(&command) { environment::begin_anew() } else { Ok(()) };
-    let result = ready.and_then(|()| report::begin()).and_then(|()| caught(|| run(&command)));
-    report::end(&result);
+    // Re-execution must precede the first report, because the server tracks the process that reports.
+    let ready = if needs_training_env(&command) { training_env::reexec() } else { Ok(()) };
+    let result =
+        ready.and_then(|()| job_client::start()).and_then(|()| catch_panic(|| run(&command)));
+    job_client::finish(&result);
     match result {
         Ok(()) => std::process::ExitCode::SUCCESS,
         Err(error) => {
@@ -75,35 +82,39 @@ fn main() -> std::process::ExitCode {
     }
 }
 
-/// Makes an error of a panic: a server that waits for its job would take the process for lost and begin it again, which
+/// Converts a panic into an error. The server would treat a panicked worker as lost and restart it, and it
 /// would panic again.
-fn caught(work: impl FnOnce() -> anyhow::Result<()>) -> anyhow::Result<()> {
+fn catch_panic(work: impl FnOnce() -> anyhow::Result<()>) -> anyhow::Result<()> {
     let done = std::panic::catch_unwind(std::panic::AssertUnwindSafe(work));
     done.unwrap_or_else(|payload| {
         let text = payload.downcast_ref::<&str>().copied();
         let text = text.or_else(|| payload.downcast_ref::<String>().map(String::as_str));
-        Err(anyhow::anyhow!("a bug in this program: {}", text.unwrap_or("it says nothing")))
+        Err(anyhow::anyhow!("internal error (bug): {}", text.unwrap_or("no message")))
     })
 }
 
-/// Whether it needs the environment of training.
-fn trains(command: &Command) -> bool {
-    matches!(command, Command::Train(_) | Command::Bench(bench::Options { learning: true, .. }))
+/// Whether a command needs the environment variables of training.
+fn needs_training_env(command: &CliCommand) -> bool {
+    matches!(
+        command,
+        CliCommand::Train(_) | CliCommand::Bench(bench::Options { training: true, .. })
+    )
 }
 
-fn run(command: &Command) -> anyhow::Result<()> {
+fn run(command: &CliCommand) -> anyhow::Result<()> {
     match command {
-        Command::Serve(options) => serve::run(options),
-        Command::Objects(options) => objects::run(options),
-        Command::Mesh(options) => mesh::run(options),
-        Command::Grasps(options) => grasps::run(options),
-        Command::Dataset(options) => dataset::run(options),
-        Command::Train(options) => train::run(options),
-        Command::Evaluate(options) => evaluate::run(options),
-        Command::Examine(options) => examine::run(options),
-        Command::Suite(options) => suite::run(options),
-        Command::Bench(options) => bench::run(options),
-        Command::Replay(options) => replay::run(options),
+        CliCommand::Serve(options) => serve::run(options),
+        CliCommand::Objects(options) => object_selection::run(options),
+        CliCommand::Mesh(command) => mesh::run(command),
+        CliCommand::Grasps(options) => grasps::run(options),
+        CliCommand::Dataset(command) => dataset::run(command),
+        CliCommand::Train(options) => train::run(options),
+        CliCommand::Evaluate(options) => evaluate::run(options),
+        CliCommand::Validate(options) => validate::run(options),
+        CliCommand::Compare(options) => compare::run(options),
+        CliCommand::Bench(options) => bench::run(options),
+        CliCommand::Replay(options) => replay::run(options),
+        CliCommand::Record(options) => record::run(options),
     }
 }
 
@@ -112,10 +123,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_panic_is_an_error_that_says_what_panicked() {
-        let error = caught(|| panic!("row {}", 7)).unwrap_err();
-        assert_eq!(error.to_string(), "a bug in this program: row 7");
-        assert!(caught(|| panic!("no more")).unwrap_err().to_string().ends_with("no more"));
-        assert!(caught(|| Ok(())).is_ok());
+    fn panic_becomes_error_with_its_message() {
+        let error = catch_panic(|| panic!("row {}", 7)).unwrap_err();
+        assert_eq!(error.to_string(), "internal error (bug): row 7");
+        assert!(catch_panic(|| panic!("last row")).unwrap_err().to_string().ends_with("last row"));
+        assert!(catch_panic(|| Ok(())).is_ok());
     }
 }

@@ -1,59 +1,72 @@
-//! `ngf mesh`: what a mesh file is to this program, and the convex parts that physics takes for it.
+//! `ngf mesh inspect`: summary of a mesh file, and its convex decomposition for physics.
 
-use crate::objects::read;
+use crate::object_selection::read_mesh_file;
 use anyhow::{Context, Result};
-use dataset::store;
-use geometry::mesh::{self, Method, Report};
+use files::atomic_file;
+use mesh::{MeshSummary, Method};
 use serde_json::json;
 use std::fmt::Write;
 use std::path::PathBuf;
 
-/// Which file, and where to write what was found.
+/// Inspection of mesh files.
+#[derive(clap::Subcommand)]
+pub(crate) enum MeshCommand {
+    /// Print size, volume, defects and convex decomposition of a mesh file
+    Inspect(InspectArgs),
+}
+
+/// Input file and output folder.
 #[derive(clap::Args)]
-pub(crate) struct Options {
-    /// Mesh file: OBJ, STL, PLY, OFF, GLB or glTF.
+pub(crate) struct InspectArgs {
+    /// Mesh file: OBJ, STL, PLY, OFF, GLB or glTF
     file: PathBuf,
-    /// Folder for report.json and parts.obj, the convex parts as an object each.
+    /// Output folder for mesh_summary.json and parts.obj (one OBJ object per convex part)
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
 }
 
-/// Corners of a hull that is written; its part may have fewer.
-const HULL_POINTS: usize = 256;
+/// Maximum vertices of a written convex part.
+const MAX_HULL_VERTICES: usize = 256;
 
-/// Reads the file and says what it is.
-pub(crate) fn run(options: &Options) -> Result<()> {
+/// Runs the selected subcommand.
+pub(crate) fn run(command: &MeshCommand) -> Result<()> {
+    match command {
+        MeshCommand::Inspect(options) => inspect(options),
+    }
+}
+
+fn inspect(options: &InspectArgs) -> Result<()> {
     let file = &options.file;
-    let unusable = || format!("{} cannot be used", file.display());
-    let bytes = read(file).with_context(|| format!("cannot read {}", file.display()))?;
-    let import = mesh::import(&bytes, None).with_context(unusable)?;
-    let report = Report::of(&import).with_context(unusable)?;
-    let parts = mesh::convex_parts_or_hull(&import.mesh);
-    let [x, y, z] = report.extent_m.map(|side| 100.0 * side);
-    println!("{x:.1} x {y:.1} x {z:.1} cm: {}", report.reason);
-    let closed = if report.watertight { "closed" } else { "open" };
-    if let Some(from) = report.simplified_from {
-        println!("{from} triangles are too many, and were made fewer");
+    let invalid = || format!("{} is not a usable mesh", file.display());
+    let bytes = read_mesh_file(file).with_context(|| format!("cannot read {}", file.display()))?;
+    let import = mesh::import(&bytes, None).with_context(invalid)?;
+    let summary = MeshSummary::of(&import).with_context(invalid)?;
+    let parts = mesh::decompose(&import.mesh);
+    let [x, y, z] = summary.extent_m.map(|side| 100.0 * side);
+    println!("{x:.1} x {y:.1} x {z:.1} cm: {}", summary.unit_reason);
+    let closed = if summary.watertight { "watertight" } else { "not watertight" };
+    if let Some(from) = summary.simplified_from {
+        println!("simplified from {from} triangles");
     }
     println!(
         "{} triangles, {closed}; {:.0} cm³{}; {} convex parts",
-        report.triangles,
-        1e6 * report.volume_m3,
-        if report.weighed_by_hull { " of its hull" } else { "" },
+        summary.triangles,
+        1e6 * summary.volume_m3,
+        if summary.volume_from_hull { " (convex hull)" } else { "" },
         parts.hulls.len()
     );
     let Some(out) = &options.out else { return Ok(()) };
     let method = match parts.method {
-        Method::Decomposed { resolution } => json!({ "name": "cut", "resolution": resolution }),
+        Method::Grid { resolution } => json!({ "name": "grid", "resolution": resolution }),
         Method::Hull => json!({ "name": "hull" }),
     };
-    let mut told = serde_json::to_value(&report)?;
-    told["parts"] = json!({ "count": parts.hulls.len(), "method": method });
-    store::write(&out.join("report.json"), &serde_json::to_vec_pretty(&told)?)?;
+    let mut summary = serde_json::to_value(&summary)?;
+    summary["convex_parts"] = json!({ "count": parts.hulls.len(), "method": method });
+    atomic_file::write(&out.join("mesh_summary.json"), &serde_json::to_vec_pretty(&summary)?)?;
     let mut text = String::new();
     let mut first = 1;
     for (i, part) in parts.hulls.iter().enumerate() {
-        let Some(hull) = mesh::hull(part, HULL_POINTS) else { continue };
+        let Some(hull) = mesh::convex_hull(part, MAX_HULL_VERTICES) else { continue };
         writeln!(text, "o part_{i}")?;
         for v in &hull.vertices {
             writeln!(text, "v {} {} {}", v.x, v.y, v.z)?;
@@ -63,5 +76,5 @@ pub(crate) fn run(options: &Options) -> Result<()> {
         }
         first += hull.vertices.len() as u32;
     }
-    store::write(&out.join("parts.obj"), text.as_bytes())
+    atomic_file::write(&out.join("parts.obj"), text.as_bytes())
 }

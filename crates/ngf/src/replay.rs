@@ -1,104 +1,110 @@
-//! `ngf replay`: a recorded episode through physics again, or the attempt of a link.
+//! `ngf replay`: replays a recording or the attempt of a share link in physics.
 
-use crate::evaluate::load;
-use crate::link::Link;
-use crate::objects::{self, ObjectOptions};
+use crate::evaluate::load_model;
+use crate::object_selection::{self, ObjectOptions};
+use crate::share_link::ShareLink;
 use anyhow::{Context, Result, bail, ensure};
 use dataset::generate::built_in_object;
-use geometry::brought;
-use rollout::{Attempt, Controller, Episode, Verdict, Workcell};
-use scene::config::scene_hash;
+use objects::import;
+use objects::object::Object;
+use rollout::{Attempt, AttemptRecording, Controller, Outcome, RolloutContext};
+use scene::scene_hash;
+use std::path::Path;
 
-/// What to replay, or to record.
+/// Recording or share link, and its model and object.
 #[derive(clap::Args)]
 pub(crate) struct Options {
-    /// Episode file, or a link of the page to an attempt.
+    /// Recording file, or a share link of the page
     #[arg(value_name = "FILE|LINK")]
-    what: String,
-    /// Record an attempt of the planner on this built-in object into the file first.
-    #[arg(long, value_name = "NAME")]
-    record: Option<String>,
-    /// Seed of the recorded attempt.
-    #[arg(long, default_value_t = 0)]
-    seed: u64,
-    /// Model instead of the link's: a folder of models/ or any folder.
+    source: String,
+    /// Model instead of the one of the link: name of a folder in models/, or path of a folder
     #[arg(long, value_name = "MODEL")]
     model: Option<String>,
-    /// The file that a link or an episode is about, if it is about one; of an episode the object as it was.
+    /// Object of the recording if it is not built in, or the mesh file of the link.
     #[command(flatten)]
     object: ObjectOptions,
 }
 
-/// Replays and prints verdict and final state hash; other ones than were recorded are an error.
+/// Replays, and prints outcome and final state hash. A difference from the recording is an error.
 pub(crate) fn run(options: &Options) -> Result<()> {
-    if Link::is_one(&options.what) {
-        return follow(&Link::parse(&options.what)?, options);
+    if ShareLink::looks_like(&options.source) {
+        return replay_link(&ShareLink::parse(&options.source)?, options);
     }
-    let workcell = Workcell::new()?;
-    let file = std::path::Path::new(&options.what);
-    if let Some(name) = &options.record {
-        let object = built_in_object(name)?;
-        let mut attempt =
-            Attempt::begin(&workcell, &object, name, None, options.seed, Controller::Planner)?;
-        attempt.run(&workcell);
-        dataset::store::write(file, &serde_json::to_vec(&attempt.episode())?)?;
-    }
+    let object = options.object.load_optional()?.map(|selected| selected.object);
+    replay_file(&RolloutContext::new()?, Path::new(&options.source), object)
+}
+
+/// Replays a recording file, with its built-in object unless another one is given.
+pub(crate) fn replay_file(
+    context: &RolloutContext,
+    file: &Path,
+    object: Option<Object>,
+) -> Result<()> {
     let bytes = std::fs::read(file).with_context(|| format!("cannot read {}", file.display()))?;
-    let episode: Episode = serde_json::from_slice(&bytes)
-        .with_context(|| format!("{} is not an episode", file.display()))?;
-    let object = match options.object.load_any()? {
-        Some(given) => given.object,
-        None => built_in_object(&episode.name)
-            .context("the episode is about a file: give it with --mesh and --mass")?,
+    let recording: AttemptRecording = serde_json::from_slice(&bytes)
+        .with_context(|| format!("{} is not a recording", file.display()))?;
+    let object = match object {
+        Some(given) => given,
+        None => built_in_object(&recording.object_name)
+            .context("the recording refers to a mesh file; pass it with --mesh and --mass")?,
     };
-    let (verdict, hash) = episode.replay(&workcell, &object)?;
-    println!("{}", words(verdict));
+    let (outcome, hash) = recording.replay(context, &object)?;
+    println!("{}", description(outcome));
     println!("{hash}");
-    if hash != episode.state_hash {
-        bail!("the recording ended in {}", episode.state_hash);
+    if hash != recording.final_state_hash {
+        bail!(
+            "the final state differs from the recording, which has {}",
+            recording.final_state_hash
+        );
     }
-    if verdict != episode.verdict {
-        bail!("the recording ended otherwise: {}", words(episode.verdict));
+    if outcome != recording.outcome {
+        bail!("the outcome differs from the recording: {}", description(recording.outcome));
     }
     Ok(())
 }
 
-/// Makes the attempt of a link again.
-fn follow(link: &Link, options: &Options) -> Result<()> {
+/// Repeats the attempt of a share link.
+fn replay_link(link: &ShareLink, options: &Options) -> Result<()> {
     ensure!(
-        link.scene == scene_hash(),
-        "the link was made with another scene or robot: use the version of this program that it was made with"
+        link.scene_hash == scene_hash(),
+        "the link was made with another scene or robot; use the program version that it was made with"
     );
-    let mut workcell = Workcell::new()?;
-    let model = load(&mut workcell, options.model.as_deref().unwrap_or(&link.model))?;
+    let mut context = RolloutContext::new()?;
+    let model = load_model(&mut context, options.model.as_deref().unwrap_or(&link.model))?;
     ensure!(
         link.model_hash.as_ref().is_none_or(|hash| *hash == model),
-        "the model is not the one of the link: name that one with --model"
+        "the model differs from the model of the link; pass that one with --model"
     );
     let name = &link.object;
-    let object = match options.object.mesh_alone()? {
+    let object = match options.object.mesh_only()? {
         Some(file) => {
-            let bytes =
-                objects::read(file).with_context(|| format!("cannot read {}", file.display()))?;
-            let found = brought::read(name, &bytes, link.told, &mut ());
-            found.with_context(|| format!("{} cannot be used", file.display()))?.object
+            let bytes = object_selection::read_mesh_file(file)
+                .with_context(|| format!("cannot read {}", file.display()))?;
+            let found = import::import_object(name, &bytes, link.options, &mut ());
+            found.with_context(|| format!("{} is not a usable mesh", file.display()))?.object
         }
-        None => built_in_object(name).context("the link is about a file: give it with --mesh")?,
+        None => {
+            built_in_object(name).context("the link refers to a mesh file; pass it with --mesh")?
+        }
     };
     ensure!(
         link.object_hash == object.hash(),
-        "what is given is not {name} as it was: its shape or mass is another"
+        "the object differs from {name} in the link: shape or mass has changed"
     );
     let (pose, policy) = (Some(link.pose), Controller::Policy);
-    let mut attempt = Attempt::begin(&workcell, &object, name, pose, link.seed, policy)?;
-    let verdict = attempt.run(&workcell);
+    let mut attempt = Attempt::new(&context, &object, name, pose, link.seed, policy)?;
+    let outcome = attempt.run(&context);
     let hash = attempt.state_hash();
-    println!("{}", verdict.words());
+    println!("{}", outcome.description());
     println!("{hash}");
-    ensure!(hash == link.end, "in the link it ended in {}", link.end);
+    ensure!(
+        hash == link.final_hash,
+        "the final state differs from the link, which has {}",
+        link.final_hash
+    );
     Ok(())
 }
 
-fn words(verdict: Option<Verdict>) -> &'static str {
-    verdict.map_or("No verdict.", |verdict| verdict.words())
+fn description(outcome: Option<Outcome>) -> &'static str {
+    outcome.map_or("No outcome.", |outcome| outcome.description())
 }

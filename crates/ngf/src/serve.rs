@@ -1,9 +1,9 @@
-//! `ngf serve`: binds the server to an address until it is told to stop; with a folder for data, it does jobs.
+//! `ngf serve`: binds the server to an address until it is stopped; with a data folder, it also runs jobs.
 
 use anyhow::{Context, bail};
 use axum::http::HeaderValue;
-use server::engine::{Engine, EngineConfig};
-use server::{AppState, Limits};
+use server::scheduler::{JobScheduler, SchedulerConfig};
+use server::{AppState, Quotas};
 use std::io::{IsTerminal, Write};
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::num::NonZeroU32;
@@ -14,167 +14,171 @@ use std::time::Duration;
 use tracing_subscriber::EnvFilter;
 use tracing_subscriber::filter::LevelFilter;
 
-/// Downloads still running when the server is told to stop may take this long.
-const GRACE: Duration = Duration::from_secs(3);
+/// Maximum time that running downloads may continue after the stop signal.
+const SHUTDOWN_GRACE: Duration = Duration::from_secs(3);
 
-/// Characters of a token, at least.
-const SHORTEST_TOKEN: usize = 16;
+/// Minimum number of characters of a token.
+const MIN_TOKEN_LEN: usize = 16;
 
-/// Where to listen and what to serve.
+/// Address, folders and quotas of the server.
 #[derive(clap::Args)]
 pub(crate) struct Options {
-    /// Address to listen on; any but the loopback one needs --token-file.
+    /// Address to listen on; any address except loopback needs --token-file
     #[arg(long, value_name = "ADDR", default_value_t = IpAddr::V4(Ipv4Addr::LOCALHOST))]
     bind: IpAddr,
-    /// File with the token that changes need: 16 characters at least.
+    /// File with the bearer token that write requests need (at least 16 characters)
     #[arg(long, value_name = "FILE")]
     token_file: Option<PathBuf>,
-    /// Port; 0 takes any free one.
+    /// Port; 0 selects a free port
     #[arg(long, default_value_t = 8787)]
     port: u16,
-    /// Folder of the built page.
+    /// Folder of the built page
     #[arg(long, value_name = "DIR", default_value = "web/dist")]
-    web: PathBuf,
-    /// Folder of the models, one folder each.
+    web_dir: PathBuf,
+    /// Folder of the models, with one subfolder per model
     #[arg(long, value_name = "DIR", default_value = "models")]
-    models: PathBuf,
-    /// Id of the model that the page opens and `default` stands for; a job's, too.
+    models_dir: PathBuf,
+    /// Model id that `default` refers to and the page loads; may be the model of a job
     #[arg(long, value_name = "ID", default_value = "default")]
     default_model: String,
-    /// Folder of jobs and what comes of them; without it, the server does none.
+    /// Folder for jobs and their outputs; without it, jobs are disabled
     #[arg(long, value_name = "DIR")]
-    data: Option<PathBuf>,
-    /// Origin of a page that may use the API, too, as `https://example.org`; again for more.
+    data_dir: Option<PathBuf>,
+    /// Origin of another page that may use the API, such as `https://example.org`; repeat for more origins
     #[arg(long, value_name = "ORIGIN")]
     allow_origin: Vec<HeaderValue>,
-    /// Changes that one address may ask for in a second.
-    #[arg(long, value_name = "N", default_value_t = Limits::default().changes_per_second)]
-    rate: NonZeroU32,
-    /// Gigabytes of meshes that are kept.
-    #[arg(long, value_name = "GB", default_value_t = Limits::default().kept_mesh_bytes / GB)]
-    meshes: u64,
-    /// Gigabytes of the disk that stay free.
-    #[arg(long, value_name = "GB", default_value_t = Limits::default().free_bytes / GB)]
-    free: u64,
-    /// How the log on stderr is written; the variable NGF_LOG says how much of it (info, debug, ...).
-    #[arg(long, value_enum, default_value_t = Log::Text)]
-    log: Log,
-    /// Jobs at a time.
+    /// Maximum write requests per second from one address
+    #[arg(long, value_name = "N", default_value_t = Quotas::default().max_writes_per_second)]
+    max_writes_per_second: NonZeroU32,
+    /// Maximum total size of stored meshes (GB)
+    #[arg(long, value_name = "GB", default_value_t = Quotas::default().max_total_mesh_bytes / BYTES_PER_GB)]
+    mesh_quota_gb: u64,
+    /// Minimum free disk space (GB); below it, jobs and uploads are rejected
+    #[arg(long, value_name = "GB", default_value_t = Quotas::default().min_free_bytes / BYTES_PER_GB)]
+    min_free_gb: u64,
+    /// Format of the log on stderr; the variable NGF_LOG sets the level (info, debug, ...)
+    #[arg(long, value_enum, default_value_t = LogFormat::Text)]
+    log: LogFormat,
+    /// Maximum number of concurrent jobs
     #[arg(long, value_name = "N", default_value_t = 1)]
-    places: usize,
-    /// Open the page in a browser.
+    max_jobs: usize,
+    /// Open the page in a browser
     #[arg(long)]
     open: bool,
 }
 
-/// A gigabyte.
-const GB: u64 = 1_000_000_000;
+/// Bytes per gigabyte.
+const BYTES_PER_GB: u64 = 1_000_000_000;
 
-/// How the log is written.
+/// Log format.
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
-enum Log {
-    /// Lines for people.
+enum LogFormat {
+    /// Human-readable lines
     Text,
-    /// Lines of JSON.
+    /// JSON lines
     Json,
 }
 
-/// Says on stderr what happens.
-fn begin_log(log: Log) -> anyhow::Result<()> {
+/// Starts the log on stderr.
+fn start_log(log: LogFormat) -> anyhow::Result<()> {
     let filter = EnvFilter::builder()
         .with_env_var("NGF_LOG")
         .with_default_directive(LevelFilter::INFO.into())
         .from_env()
-        .context("NGF_LOG cannot be read; try NGF_LOG=debug")?;
-    let log_to = tracing_subscriber::fmt()
+        .context("NGF_LOG is invalid; try NGF_LOG=debug")?;
+    let subscriber = tracing_subscriber::fmt()
         .with_env_filter(filter)
         .with_writer(std::io::stderr)
         .with_ansi(std::io::stderr().is_terminal());
     match log {
-        Log::Text => log_to.init(),
-        Log::Json => log_to.json().flatten_event(true).init(),
+        LogFormat::Text => subscriber.init(),
+        LogFormat::Json => subscriber.json().flatten_event(true).init(),
     }
     Ok(())
 }
 
 /// Serves until Ctrl-C or SIGTERM.
 pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
-    tokio::runtime::Runtime::new().context("no runtime")?.block_on(serve(options))
+    tokio::runtime::Runtime::new()
+        .context("cannot start the async runtime")?
+        .block_on(serve(options))
 }
 
 async fn serve(options: &Options) -> anyhow::Result<()> {
-    begin_log(options.log)?;
-    let wanted = SocketAddr::from((options.bind, options.port));
-    let token = token(options)?;
-    let listener = tokio::net::TcpListener::bind(wanted).await.with_context(|| {
-        format!("cannot listen on {wanted}; if it is in use, choose another with --port")
+    start_log(options.log)?;
+    let socket_addr = SocketAddr::from((options.bind, options.port));
+    let token = read_token(options)?;
+    let listener = tokio::net::TcpListener::bind(socket_addr).await.with_context(|| {
+        format!(
+            "cannot listen on {socket_addr}; if the port is in use, choose another one with --port"
+        )
     })?;
     let address = format!("http://{}", listener.local_addr()?);
     let (stopping, mut stopped) = tokio::sync::watch::channel(false);
-    let engine = engine(options).await?;
-    // Only now: the folder is this server's own, and whoever reads the address may rely on it.
+    let engine = open_scheduler(options).await?;
+    // Printed only after the data folder is locked, because a reader of the address may rely on it.
     println!("{address}");
     std::io::stdout().flush()?;
     if options.open {
-        open(&address);
+        open_browser(&address);
     }
-    let limits = Limits {
-        changes_per_second: options.rate,
-        kept_mesh_bytes: options.meshes.saturating_mul(GB),
-        free_bytes: options.free.saturating_mul(GB),
-        ..Limits::default()
+    let limits = Quotas {
+        max_writes_per_second: options.max_writes_per_second,
+        max_total_mesh_bytes: options.mesh_quota_gb.saturating_mul(BYTES_PER_GB),
+        min_free_bytes: options.min_free_gb.saturating_mul(BYTES_PER_GB),
+        ..Quotas::default()
     };
-    let mut state = AppState::new(&options.web, &options.models)
-        .with_limits(limits)
+    let mut state = AppState::new(&options.web_dir, &options.models_dir)
+        .with_quotas(limits)
         .with_default_model(&options.default_model)
         .with_origins(options.allow_origin.iter().cloned());
     if let Some(token) = &token {
         state = state.with_token(token);
     }
     if let Some(engine) = &engine {
-        state = state.with_engine(engine.clone(), stopped.clone());
+        state = state.with_scheduler(engine.clone(), stopped.clone());
     }
     let app = server::app(state).into_make_service_with_connect_info::<SocketAddr>();
-    let working = engine.clone().map(|engine| {
+    let scheduling = engine.clone().map(|engine| {
         let address = address.clone();
-        tokio::spawn(async move { engine.work(&address).await })
+        tokio::spawn(async move { engine.run(&address).await })
     });
-    let serving = axum::serve(listener, app).with_graceful_shutdown(async move {
+    let http_server = axum::serve(listener, app).with_graceful_shutdown(async move {
         stop_signal().await;
         stopping.send_replace(true);
     });
-    let mut told = stopped.clone();
+    let mut shutdown_signal = stopped.clone();
     let served = async move {
-        let too_long = async {
-            // An error here means that nobody can tell the server to stop any more: it has stopped.
+        let grace_expired = async {
+            // An error means that the sender was dropped, so the server has stopped.
             stopped.wait_for(|stopped| *stopped).await.ok();
-            tokio::time::sleep(GRACE).await;
+            tokio::time::sleep(SHUTDOWN_GRACE).await;
         };
         tokio::select! {
-            result = serving => result.context("the server failed"),
-            () = too_long => Ok(()),
+            result = http_server => result.context("the server failed"),
+            () = grace_expired => Ok(()),
         }
     };
-    // To its end, also if nobody is left to serve: a change of a job that is begun and left holds up the next one.
-    let rested = async {
-        told.wait_for(|stopped| *stopped).await.ok();
-        if let Some(working) = &working {
-            working.abort();
+    // Runs to completion even without clients. Dropping a job transition halfway would block the next one.
+    let shutdown = async {
+        shutdown_signal.wait_for(|stopped| *stopped).await.ok();
+        if let Some(scheduling) = &scheduling {
+            scheduling.abort();
         }
         if let Some(engine) = &engine {
-            engine.rest().await;
+            engine.shutdown().await;
         }
     };
-    let (served, ()) = tokio::join!(served, rested);
+    let (served, ()) = tokio::join!(served, shutdown);
     served
 }
 
-/// The token that changes need, if they need one.
-fn token(options: &Options) -> anyhow::Result<Option<String>> {
+/// Bearer token of write requests, if required.
+fn read_token(options: &Options) -> anyhow::Result<Option<String>> {
     let Some(path) = &options.token_file else {
         if !options.bind.is_loopback() {
             bail!(
-                "whoever reaches {} could start jobs: give a token with --token-file FILE, or listen on 127.0.0.1",
+                "any host that reaches {} could start jobs; pass a token with --token-file FILE, or listen on 127.0.0.1",
                 options.bind
             );
         }
@@ -183,26 +187,26 @@ fn token(options: &Options) -> anyhow::Result<Option<String>> {
     let text = std::fs::read_to_string(path)
         .with_context(|| format!("cannot read the token in {}", path.display()))?;
     let token = text.trim().to_owned();
-    if token.len() < SHORTEST_TOKEN {
-        bail!("the token in {} has fewer than {SHORTEST_TOKEN} characters", path.display());
+    if token.len() < MIN_TOKEN_LEN {
+        bail!("the token in {} has fewer than {MIN_TOKEN_LEN} characters", path.display());
     }
     Ok(Some(token))
 }
 
-/// What does the jobs, if there is a folder for them.
-async fn engine(options: &Options) -> anyhow::Result<Option<Arc<Engine>>> {
-    let Some(data) = &options.data else { return Ok(None) };
-    let config = EngineConfig {
-        data: data.clone(),
-        models: options.models.clone(),
-        program: std::env::current_exe().context("where this program is")?,
-        places: options.places,
-        free_bytes: options.free.saturating_mul(GB),
+/// The job scheduler, if there is a data folder.
+async fn open_scheduler(options: &Options) -> anyhow::Result<Option<Arc<JobScheduler>>> {
+    let Some(data) = &options.data_dir else { return Ok(None) };
+    let config = SchedulerConfig {
+        data_dir: data.clone(),
+        models_dir: options.models_dir.clone(),
+        program: std::env::current_exe().context("cannot locate this executable")?,
+        max_concurrent: options.max_jobs,
+        min_free_bytes: options.min_free_gb.saturating_mul(BYTES_PER_GB),
     };
-    Ok(Some(Engine::open(config).await?))
+    Ok(Some(JobScheduler::open(config).await?))
 }
 
-/// Resolves at Ctrl-C, and at SIGTERM where there is one.
+/// Resolves at Ctrl-C, and on Unix at SIGTERM.
 async fn stop_signal() {
     let interrupt = tokio::signal::ctrl_c();
     #[cfg(unix)]
@@ -218,8 +222,8 @@ async fn stop_signal() {
     interrupt.await.ok();
 }
 
-/// Opens the page, where there is a desktop to open it on; the address was printed in any case.
-fn open(address: &str) {
+/// Opens the page if a desktop is available. The address has been printed already.
+fn open_browser(address: &str) {
     let has_desktop = ["DISPLAY", "WAYLAND_DISPLAY"].iter().any(|v| std::env::var_os(v).is_some());
     let mut command = if cfg!(target_os = "macos") {
         Command::new("open")
@@ -231,6 +235,6 @@ fn open(address: &str) {
         return;
     };
     let silent = command.arg(address).stdin(Stdio::null()).stdout(Stdio::null());
-    // A desktop without a browser is no reason not to serve.
+    // The server runs even if no browser can be opened.
     silent.stderr(Stdio::null()).spawn().ok();
 }

@@ -1,97 +1,100 @@
-//! `ngf train encoder`, `ngf train policy` and `ngf train start`: training with checkpoints; a killed run continues.
+//! `ngf train encoder|policy|start-net`: training with checkpoints, from which a killed run resumes.
 
 mod encoder;
-mod exam;
 mod log;
 mod policy;
-mod start;
+mod start_net;
+mod validation;
 
 pub(crate) use policy::read_model;
 
 use anyhow::{Result, bail};
 use std::path::{Path, PathBuf};
 
-/// A training's watcher may end it, though none does here.
-const STOPPED: &str = "it was stopped on the way";
+/// Error text for a training stopped by its callback; the callbacks of this program never stop it.
+const STOPPED: &str = "training was stopped before it finished";
 
-/// What to train.
+/// Network to train.
 #[derive(clap::Subcommand)]
 pub(crate) enum Options {
-    /// The autoencoder, on a dataset's clouds.
-    Encoder(Run),
-    /// The policy, on a dataset's demonstrations, with the encoder in the same folder.
+    /// Train the autoencoder on the point clouds of a dataset
+    Encoder(TrainArgs),
+    /// Train a policy on the demonstrations of a dataset, with the encoder in the output folder
     Policy(policy::Options),
-    /// A start network, which takes the place of a model's table of starts.
-    Start(start::Options),
+    /// Train a start network, which replaces the start table of a model
+    StartNet(start_net::Options),
 }
 
-/// Where from, where to, how long.
+/// Options of every training.
 #[derive(clap::Args)]
-pub(crate) struct Run {
-    /// Folder of the dataset.
+pub(crate) struct TrainArgs {
+    /// Folder of the dataset
     #[arg(long, value_name = "DIR")]
-    data: PathBuf,
-    /// Folder of checkpoints and results.
+    dataset: PathBuf,
+    /// Folder of checkpoints and results
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Optimiser steps instead of the standard number.
+    /// Optimizer steps (default: set by the network)
     #[arg(long)]
     steps: Option<u64>,
-    /// Threads.
-    #[arg(long, default_value_t = 2, value_parser = at_least_one)]
+    /// Threads
+    #[arg(long, default_value_t = 2, value_parser = parse_positive)]
     threads: usize,
-    /// Seed of weights and batches.
+    /// Seed of weights and batches
     #[arg(long, default_value_t = 0)]
     seed: u64,
-    /// Batch size instead of the standard one.
-    #[arg(long, value_parser = at_least_one)]
+    /// Batch size (default: set by the network)
+    #[arg(long, value_parser = parse_positive)]
     batch: Option<usize>,
-    /// Peak learning rate instead of the standard one.
-    #[arg(long, value_parser = rate, allow_negative_numbers = true)]
-    rate: Option<f32>,
-    /// Steps from checkpoint to checkpoint instead of the standard number.
-    #[arg(long, value_name = "STEPS", value_parser = at_least_one)]
-    checkpoint: Option<usize>,
+    /// Peak learning rate (default: set by the network)
+    #[arg(long, value_parser = parse_learning_rate, allow_negative_numbers = true)]
+    lr: Option<f32>,
+    /// Steps between checkpoints (default: set by the network)
+    #[arg(long, value_name = "STEPS", value_parser = parse_positive)]
+    checkpoint_every: Option<usize>,
 }
 
-/// A number of things, which is not zero.
-pub(crate) fn at_least_one(text: &str) -> Result<usize, String> {
+/// Parses a positive integer.
+pub(crate) fn parse_positive(text: &str) -> Result<usize, String> {
     match text.parse() {
-        Ok(0) => Err("it must be at least 1".into()),
+        Ok(0) => Err("must be at least 1".into()),
         Ok(number) => Ok(number),
         Err(error) => Err(format!("{error}")),
     }
 }
 
-fn share(text: &str) -> Result<f64, String> {
+fn parse_fraction(text: &str) -> Result<f64, String> {
     match text.parse() {
-        Ok(share) if (0.0..=1.0).contains(&share) => Ok(share),
-        Ok(_) => Err("it must be between 0 and 1".into()),
+        Ok(fraction) if (0.0..=1.0).contains(&fraction) => Ok(fraction),
+        Ok(_) => Err("must be between 0 and 1".into()),
         Err(error) => Err(format!("{error}")),
     }
 }
 
-fn norm(text: &str) -> Result<f32, String> {
+fn parse_norm(text: &str) -> Result<f32, String> {
     match text.parse() {
         Ok(norm) if norm > 0.0 && norm < f32::INFINITY => Ok(norm),
-        Ok(_) => Err("it must be more than 0, and finite".into()),
+        Ok(_) => Err("must be positive and finite".into()),
         Err(error) => Err(format!("{error}")),
     }
 }
 
-fn rate(text: &str) -> Result<f32, String> {
+fn parse_learning_rate(text: &str) -> Result<f32, String> {
     match text.parse() {
         Ok(rate) if rate > 0.0 && rate < 1.0 => Ok(rate),
-        Ok(_) => Err("it must be between 0 and 1".into()),
+        Ok(_) => Err("must be between 0 and 1".into()),
         Err(error) => Err(format!("{error}")),
     }
 }
 
-/// Refuses to write where is read from: whoever is killed on the way could not go on.
-fn refuse_same(from: &Path, out: &Path) -> Result<()> {
-    let whole = |folder: &Path| folder.canonicalize().ok();
-    if whole(from).is_some() && whole(from) == whole(out) {
-        bail!("--out is the folder of --from, whose files would be lost; choose another one");
+/// Rejects an output folder equal to the input folder `from` of option `flag`. Otherwise a killed run would
+/// have overwritten its inputs.
+fn reject_same_folder(flag: &str, from: &Path, out: &Path) -> Result<()> {
+    let canonical = |folder: &Path| folder.canonicalize().ok();
+    if canonical(from).is_some() && canonical(from) == canonical(out) {
+        bail!(
+            "--out is the folder of {flag}, whose files would be overwritten; choose another folder"
+        );
     }
     Ok(())
 }
@@ -100,6 +103,6 @@ pub(crate) fn run(options: &Options) -> Result<()> {
     match options {
         Options::Encoder(run) => encoder::train(run),
         Options::Policy(options) => policy::train(options),
-        Options::Start(options) => start::train(options),
+        Options::StartNet(options) => start_net::train(options),
     }
 }

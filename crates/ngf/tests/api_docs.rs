@@ -1,6 +1,6 @@
-//! The documentation of the API: it has every request, and its examples do what they say.
+//! The API documentation covers every request, and its examples work.
 
-#![allow(clippy::unwrap_used, reason = "a helper of a test fails by panicking too")]
+#![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
 
 use std::collections::BTreeSet;
 use std::io::{BufRead, BufReader};
@@ -10,9 +10,9 @@ use std::process::{Command, Stdio};
 const API: &str = include_str!("../../../docs/api.md");
 
 #[test]
-fn every_request_is_documented() {
-    let described = serde_json::to_value(server::openapi()).unwrap();
-    let described: BTreeSet<String> = described["paths"]
+fn every_endpoint_is_documented() {
+    let openapi = serde_json::to_value(server::openapi()).unwrap();
+    let endpoints: BTreeSet<String> = openapi["paths"]
         .as_object()
         .unwrap()
         .iter()
@@ -24,33 +24,34 @@ fn every_request_is_documented() {
         })
         .collect();
     let headings = API.lines().filter_map(|line| line.strip_prefix("### ")).map(str::to_owned);
-    assert_eq!(headings.collect::<BTreeSet<_>>(), described);
-    // Each has an example.
+    assert_eq!(headings.collect::<BTreeSet<_>>(), endpoints);
+    // Each section has an example.
     for section in API.split("\n### ").skip(1) {
         assert!(section.contains("```sh\n"), "{}", section.lines().next().unwrap());
     }
 }
 
 #[test]
-fn every_kind_of_job_is_asked_for_once() {
-    let described = serde_json::to_value(server::openapi()).unwrap();
-    let tasks = described["components"]["schemas"]["JobTask"]["oneOf"].as_array().unwrap();
+fn every_job_kind_has_an_example() {
+    let openapi = serde_json::to_value(server::openapi()).unwrap();
+    let tasks = openapi["components"]["schemas"]["JobTask"]["oneOf"].as_array().unwrap();
     assert_eq!(tasks.len(), 5);
     for task in tasks {
         let kind = task["properties"]["kind"]["enum"][0].as_str().unwrap();
-        let asks = |quote: &str| API.contains(&format!("{quote}kind{quote}: {quote}{kind}{quote}"));
-        assert!(asks("\"") || asks("\\\""), "{kind}");
+        let has_example =
+            |quote: &str| API.contains(&format!("{quote}kind{quote}: {quote}{kind}{quote}"));
+        assert!(has_example("\"") || has_example("\\\""), "{kind}");
     }
 }
 
 #[test]
-fn every_example_does_what_it_says() {
+fn every_example_runs() {
     let folder = tempfile::tempdir().unwrap();
     let models = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../models");
     let mut server = Command::new(env!("CARGO_BIN_EXE_ngf"))
-        .args(["serve", "--port", "0", "--data"])
+        .args(["serve", "--port", "0", "--data-dir"])
         .arg(folder.path().join("data"))
-        .arg("--models")
+        .arg("--models-dir")
         .arg(models)
         .stdout(Stdio::piped())
         .spawn()
@@ -67,20 +68,20 @@ fn every_example_does_what_it_says() {
         .unwrap();
     server.kill().unwrap();
     server.wait().unwrap();
-    let said = String::from_utf8_lossy(&ran.stdout).into_owned();
+    let stdout = String::from_utf8_lossy(&ran.stdout).into_owned();
     let errors = String::from_utf8_lossy(&ran.stderr).into_owned();
-    assert!(ran.status.success(), "{said}\n{errors}");
+    assert!(ran.status.success(), "{stdout}\n{errors}");
     for text in [
-        "\"like_job_id\":null",
+        "\"based_on_job_id\":null",
         "event: done",
-        "\"code\":\"not_its_turn\"",
+        "\"code\":\"stale_worker\"",
         "\"watertight\":true",
         "ngf_jobs{",
     ] {
-        assert!(said.contains(text), "{text}\n{said}\n{errors}");
+        assert!(stdout.contains(text), "{text}\n{stdout}\n{errors}");
     }
-    let made = |name: &str| std::fs::read(folder.path().join(name)).unwrap();
-    assert_eq!(made("wedge.obj"), made("again.obj"));
-    assert_eq!(made("header").len(), 8);
-    assert!(made("demonstration.json").starts_with(b"{"));
+    let file = |name: &str| std::fs::read(folder.path().join(name)).unwrap();
+    assert_eq!(file("wedge.obj"), file("again.obj"));
+    assert_eq!(file("header").len(), 8);
+    assert!(file("demonstration.json").starts_with(b"{"));
 }

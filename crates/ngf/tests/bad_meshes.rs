@@ -1,12 +1,12 @@
-//! Files that are no meshes: each gets its own message, exit status 2, and no panic.
+//! Invalid mesh files: each gets its own message, exit status 2, and no panic.
 
-#![allow(clippy::unwrap_used, reason = "a helper of a test fails by panicking too")]
+#![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
 
 use std::path::Path;
 use std::process::Command;
 
-/// What `ngf evaluate` says of a mesh file that it refuses.
-fn complaint(folder: &Path, name: &str, bytes: &[u8]) -> String {
+/// Error of `ngf evaluate` for an invalid mesh file.
+fn error_message(folder: &Path, name: &str, bytes: &[u8]) -> String {
     let file = folder.join(name);
     std::fs::write(&file, bytes).unwrap();
     let output = Command::new(env!("CARGO_BIN_EXE_ngf"))
@@ -14,11 +14,11 @@ fn complaint(folder: &Path, name: &str, bytes: &[u8]) -> String {
         .arg(&file)
         .output()
         .unwrap();
-    let said = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(output.status.code(), Some(2), "{name}: {said}");
-    assert!(said.starts_with("error: "), "{name}: {said}");
-    assert!(!said.contains("panicked"), "{name}: {said}");
-    said
+    let stderr = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(2), "{name}: {stderr}");
+    assert!(stderr.starts_with("error: "), "{name}: {stderr}");
+    assert!(!stderr.contains("panicked"), "{name}: {stderr}");
+    stderr
 }
 
 /// A binary PLY file of `faces` triangles over a grid of vertices.
@@ -43,7 +43,7 @@ fn ply(faces: u32) -> Vec<u8> {
 }
 
 #[test]
-fn each_bad_file_has_its_own_message() {
+fn each_invalid_file_has_its_own_message() {
     let folder = tempfile::tempdir().unwrap();
     let mut short_stl = vec![0u8; 80];
     short_stl.extend(12u32.to_le_bytes());
@@ -54,56 +54,66 @@ fn each_bad_file_has_its_own_message() {
         ("truncated.stl", short_stl, "ends early"),
         ("nan.obj", b"v 0 0 0\nv nan 0 0\nv 0 1 0\nf 1 2 3\n".to_vec(), "a coordinate is"),
         ("flat.obj", flat.into(), "zero area"),
-        ("large.ply", ply(6_000_000), "at most 5000000 are read"),
+        ("large.ply", ply(6_000_000), "the limit is 5000000"),
         ("picture.obj", b"\x89PNG\r\n\x1a\n0000000000000000".to_vec(), "this looks like"),
         ("notes.stl", b"Dear diary, today I forgot the mesh.\n".to_vec(), "not a mesh"),
     ];
-    let mut said = Vec::new();
+    let mut messages = Vec::new();
     for (name, bytes, wanted) in cases {
-        let message = complaint(folder.path(), name, &bytes);
+        let message = error_message(folder.path(), name, &bytes);
         println!("{}", message.trim_end().replace(&folder.path().display().to_string(), ""));
-        assert!(message.contains(wanted), "{name}: wanted \"{wanted}\" in \"{message}\"");
-        assert!(message.contains(name), "{name} is not named: {message}");
-        said.push(message.replace(name, ""));
+        assert!(message.contains(wanted), "{name}: expected \"{wanted}\" in \"{message}\"");
+        assert!(message.contains(name), "the message does not contain {name}: {message}");
+        messages.push(message.replace(name, ""));
     }
-    said.sort();
-    said.dedup();
-    assert_eq!(said.len(), 7, "two files got the same message: {said:?}");
+    messages.sort();
+    messages.dedup();
+    assert_eq!(messages.len(), 7, "two files got the same message: {messages:?}");
 }
 
 #[test]
-fn an_extension_does_not_matter() {
+fn file_format_is_detected_independent_of_extension() {
     let folder = tempfile::tempdir().unwrap();
     let cube = "v 0 0 0\nv 40 0 0\nv 40 60 0\nv 0 60 0\nv 0 0 120\nv 40 0 120\nv 40 60 120\n\
         v 0 60 120\nf 1 4 3 2\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n";
-    // It is read for what it is; the planner has no grasps of it, which is another matter.
-    let said = complaint(folder.path(), "box.stl", cube.as_bytes());
-    assert!(said.contains("the planner knows no grasps of box"), "{said}");
+    // The file is parsed by its content. The later planner error is expected, because it has no grasps for
+    // this object.
+    let stderr = error_message(folder.path(), "box.stl", cube.as_bytes());
+    assert!(stderr.contains("the planner has no grasps for box"), "{stderr}");
 }
 
 #[test]
-fn what_would_fall_over_is_laid_and_said_so() {
+fn unstable_mesh_is_reoriented_with_note() {
     let folder = tempfile::tempdir().unwrap();
-    // A box of which one edge of the foot is 90 mm too high.
+    // A box with one edge of its base raised by 90 mm.
     let tilted = "v 0 0 0\nv 40 0 90\nv 40 60 90\nv 0 60 0\nv 0 0 120\nv 40 0 120\nv 40 60 120\n\
         v 0 60 120\nf 1 4 3 2\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n";
     let file = folder.path().join("tilted.obj");
     std::fs::write(&file, tilted).unwrap();
-    let says = |model: &str| {
+    let notes = |model: &str| {
         let mut ngf = Command::new(env!("CARGO_BIN_EXE_ngf"));
         ngf.args(["evaluate", "--model", model, "--attempts", "1", "--mass", "0.3", "--mesh"]);
         String::from_utf8_lossy(&ngf.arg(&file).output().unwrap().stderr).into_owned()
     };
-    let (lies, knows) = ("it lies on its steadiest side", "most like what the policy learned");
-    let said = says("planner");
-    assert!(said.starts_with("tilted: It would fall over") && said.contains(lies), "{said}");
-    // As the page has it with that model.
-    let said = says(concat!(env!("CARGO_MANIFEST_DIR"), "/../../models/default"));
-    assert!(said.starts_with("tilted: It would fall over") && said.contains(knows), "{said}");
+    let (most_stable, most_similar) =
+        ("the most stable pose is used", "most similar to the training data");
+    let stderr = notes("planner");
+    assert!(
+        stderr.starts_with("tilted: The orientation in the file is unstable")
+            && stderr.contains(most_stable),
+        "{stderr}"
+    );
+    // With a model, the stable pose is the same as on the page.
+    let stderr = notes(concat!(env!("CARGO_MANIFEST_DIR"), "/../../models/default"));
+    assert!(
+        stderr.starts_with("tilted: The orientation in the file is unstable")
+            && stderr.contains(most_similar),
+        "{stderr}"
+    );
 }
 
 #[test]
-fn a_mesh_needs_a_mass_or_a_density() {
+fn mesh_needs_mass_or_density() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("box.obj");
     std::fs::write(
@@ -111,14 +121,14 @@ fn a_mesh_needs_a_mass_or_a_density() {
         "v 0 0 0\nv 40 0 0\nv 0 60 0\nv 0 0 90\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n",
     )
     .unwrap();
-    let says = |more: &[&str]| {
+    let error = |more: &[&str]| {
         let mut ngf = Command::new(env!("CARGO_BIN_EXE_ngf"));
         ngf.args(["evaluate", "--model", "planner", "--attempts", "1", "--mesh"]).arg(&file);
         String::from_utf8_lossy(&ngf.args(more).output().unwrap().stderr).into_owned()
     };
-    assert!(says(&[]).contains("needs --mass KG, or --density"));
-    assert!(says(&["--mass", "0"]).contains("--mass must be a positive number"));
-    assert!(says(&["--density", "nan"]).contains("--density must be a positive number"));
-    // With a density it is an object; the planner has no grasps of it, which is another matter.
-    assert!(says(&["--density", "500"]).contains("the planner knows no grasps of box"));
+    assert!(error(&[]).contains("needs --mass KG or --density"));
+    assert!(error(&["--mass", "0"]).contains("--mass must be a positive number"));
+    assert!(error(&["--density", "nan"]).contains("--density must be a positive number"));
+    // A mesh with a density is accepted. The later planner error is expected.
+    assert!(error(&["--density", "500"]).contains("the planner has no grasps for box"));
 }

@@ -1,31 +1,31 @@
-//! `ngf dataset` as a process: killed, stopped, on one thread and on two, in folders that are not its own.
+//! `ngf dataset` as a process: killed, stopped, with different thread counts, and in foreign folders.
 
-#![allow(clippy::unwrap_used, reason = "a helper of a test fails by panicking too")]
+#![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
 
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
 use std::time::Duration;
 
-/// `ngf dataset --preset smoke --out DIR` and more.
+/// `ngf dataset generate --preset smoke --out DIR` with further options.
 fn smoke(dir: &Path, more: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_ngf"));
-    command.args(["dataset", "--preset", "smoke", "--out"]).arg(dir).args(more);
+    command.args(["dataset", "generate", "--preset", "smoke", "--out"]).arg(dir).args(more);
     command.stdout(Stdio::piped()).stderr(Stdio::piped());
     command
 }
 
-fn look(words: &[&str], dir: &Path) -> Output {
+fn dataset_command(words: &[&str], dir: &Path) -> Output {
     Command::new(env!("CARGO_BIN_EXE_ngf")).arg("dataset").args(words).arg(dir).output().unwrap()
 }
 
 fn hash(dir: &Path) -> String {
-    let said = look(&["info", "--json"], dir);
-    assert!(said.status.success(), "{}", errors(&said));
-    let json: serde_json::Value = serde_json::from_slice(&said.stdout).unwrap();
+    let output = dataset_command(&["info", "--json"], dir);
+    assert!(output.status.success(), "{}", errors(&output));
+    let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     json["hash"].as_str().unwrap().to_owned()
 }
 
-/// Files in a folder and all below it.
+/// Number of files below a folder.
 fn files(dir: &Path) -> usize {
     let Ok(entries) = std::fs::read_dir(dir) else { return 0 };
     let paths = entries.filter_map(|entry| Some(entry.ok()?.path()));
@@ -36,17 +36,17 @@ fn errors(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
-fn fails(output: &Output, with: &str) {
+fn assert_fails(output: &Output, with: &str) {
     let message = errors(output);
     assert_eq!(output.status.code(), Some(2), "{message}");
-    assert!(message.contains(with), "{message} does not say \"{with}\"");
+    assert!(message.contains(with), "{message} does not contain \"{with}\"");
     assert!(!message.contains("panicked"), "{message}");
 }
 
-/// Killed three times, each time when two more files are there, and resumed: the bytes are those of a run that
-/// nothing disturbed, on one thread or on two.
+/// Kills the run three times, each time after two more files, and resumes it. The bytes equal those of an
+/// uninterrupted run, with one thread and with two.
 #[test]
-fn killed_and_resumed_it_has_the_same_hash() {
+fn killed_and_resumed_dataset_has_same_hash() {
     let folder = tempfile::tempdir().unwrap();
     let [whole, one, killed] = ["whole", "one", "killed"].map(|name| folder.path().join(name));
     assert!(smoke(&whole, &["--threads", "2"]).status().unwrap().success());
@@ -57,17 +57,17 @@ fn killed_and_resumed_it_has_the_same_hash() {
         let before = files(&killed);
         let mut child = smoke(&killed, &["--resume"]).spawn().unwrap();
         while files(&killed) < before + 2 {
-            assert!(child.try_wait().unwrap().is_none(), "it ended before kill {kill}");
+            assert!(child.try_wait().unwrap().is_none(), "the process ended before kill {kill}");
             std::thread::sleep(Duration::from_millis(2));
         }
         child.kill().unwrap();
         child.wait().unwrap();
     }
-    fails(&smoke(&killed, &[]).output().unwrap(), "complete it with --resume");
+    assert_fails(&smoke(&killed, &[]).output().unwrap(), "complete it with --resume");
     assert!(smoke(&killed, &["--resume"]).status().unwrap().success());
     assert_eq!(hash(&whole), hash(&killed), "killed three times");
-    assert!(look(&["verify"], &killed).status.success());
-    // What is complete is not made again.
+    assert!(dataset_command(&["verify"], &killed).status.success());
+    // A complete dataset is not generated again.
     assert!(smoke(&killed, &[]).status().unwrap().success());
 
     let rows = killed.join("data/chunk-000/file-000.parquet");
@@ -75,58 +75,58 @@ fn killed_and_resumed_it_has_the_same_hash() {
     let middle = bytes.len() / 2;
     bytes[middle] ^= 1;
     std::fs::write(&rows, bytes).unwrap();
-    fails(&look(&["verify"], &killed), "file-000.parquet has changed");
+    assert_fails(&dataset_command(&["verify"], &killed), "file-000.parquet has changed");
 }
 
 #[cfg(unix)]
 #[test]
-fn stopped_by_the_keyboard_it_can_be_resumed() {
+fn interrupted_generation_can_be_resumed() {
     let folder = tempfile::tempdir().unwrap();
     let dir = folder.path().join("data");
     let mut child = smoke(&dir, &["--threads", "1"]).spawn().unwrap();
-    // The handler is there once the configuration is written.
-    while !dir.join("parts").exists() && !dir.join("manifest.json").exists() {
-        assert!(child.try_wait().unwrap().is_none(), "it ended before it was stopped");
+    // The handler is installed after the configuration has been written.
+    while !dir.join("shards").exists() && !dir.join("manifest.json").exists() {
+        assert!(child.try_wait().unwrap().is_none(), "the process ended before the signal");
         std::thread::sleep(Duration::from_millis(20));
     }
     let pid = child.id().to_string();
     assert!(Command::new("kill").args(["-INT", &pid]).status().unwrap().success());
-    fails(&child.wait_with_output().unwrap(), "--resume goes on");
+    assert_fails(&child.wait_with_output().unwrap(), "use --resume to continue");
     assert!(smoke(&dir, &["--resume"]).status().unwrap().success());
 }
 
 #[test]
-fn folders_that_are_not_its_own_are_left_alone() {
+fn foreign_folders_are_rejected_and_unchanged() {
     let folder = tempfile::tempdir().unwrap();
     let thesis = folder.path().join("thesis.tex");
     std::fs::write(&thesis, "important").unwrap();
-    fails(&smoke(folder.path(), &[]).output().unwrap(), "thesis.tex");
-    fails(&smoke(&thesis, &[]).output().unwrap(), "thesis.tex");
+    assert_fails(&smoke(folder.path(), &[]).output().unwrap(), "thesis.tex");
+    assert_fails(&smoke(&thesis, &[]).output().unwrap(), "thesis.tex");
     assert_eq!(std::fs::read_to_string(&thesis).unwrap(), "important");
     assert_eq!(folder.path().read_dir().unwrap().count(), 1);
-    fails(&look(&["info"], folder.path()), "no config.json");
-    fails(&look(&["verify"], &folder.path().join("nowhere")), "no config.json");
-    let nothing = Command::new(env!("CARGO_BIN_EXE_ngf")).arg("dataset").output().unwrap();
-    fails(&nothing, "--preset NAME --out DIR");
-    let unknown = ["dataset", "--preset", "huge", "--out", "x"];
+    assert_fails(&dataset_command(&["info"], folder.path()), "no config.json");
+    assert_fails(&dataset_command(&["verify"], &folder.path().join("nowhere")), "no config.json");
+    let incomplete = Command::new(env!("CARGO_BIN_EXE_ngf")).arg("dataset").output().unwrap();
+    assert_fails(&incomplete, "generate");
+    let unknown = ["dataset", "generate", "--preset", "huge", "--out", "x"];
     let unknown = Command::new(env!("CARGO_BIN_EXE_ngf")).args(unknown).output().unwrap();
-    fails(&unknown, "there is no preset huge");
+    assert_fails(&unknown, "invalid value 'huge'");
 }
 
-/// A limit on the size of files stands in for a full disk.
+/// A file size limit simulates a full disk.
 #[cfg(unix)]
 #[test]
-fn a_disk_that_is_full_is_an_error_and_what_was_there_stays() {
+fn full_disk_is_an_error_and_keeps_finished_files() {
     let folder = tempfile::tempdir().unwrap();
     let dir = folder.path().join("data");
     let limited = format!(
-        "trap '' XFSZ; ulimit -f 100; exec {} dataset --preset smoke --out {}",
+        "trap '' XFSZ; ulimit -f 100; exec {} dataset generate --preset smoke --out {}",
         env!("CARGO_BIN_EXE_ngf"),
         dir.display()
     );
     let output = Command::new("bash").args(["-c", &limited]).output().unwrap();
-    fails(&output, "cannot write");
+    assert_fails(&output, "cannot write");
     assert!(dir.join("grasps/sugar_box.json").exists());
     assert!(smoke(&dir, &["--resume"]).status().unwrap().success());
-    assert!(look(&["verify"], &dir).status.success());
+    assert!(dataset_command(&["verify"], &dir).status.success());
 }

@@ -1,18 +1,18 @@
-//! `ngf evaluate` over families, as a user runs it.
+//! `ngf evaluate --family` as a process.
 
-#![allow(clippy::unwrap_used, reason = "a helper of a test fails by panicking too")]
+#![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
 
 use std::path::Path;
 use std::process::{Command, Output};
 
-fn evaluate(words: &[&str]) -> Output {
+fn evaluate(options: &[&str]) -> Output {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     let mut command = Command::new(env!("CARGO_BIN_EXE_ngf"));
-    command.args(["evaluate", "--model", "planner"]).args(words).current_dir(root);
+    command.args(["evaluate", "--model", "planner"]).args(options).current_dir(root);
     command.output().unwrap()
 }
 
-/// The numbers of "K of N lifted" in the line of an object or a family.
+/// Parses "K of N lifted" in the line of an object or a family.
 fn counts(table: &str, of: &str) -> [u64; 2] {
     let line = table.lines().find(|line| line.split_whitespace().nth(1) == Some(of));
     let words: Vec<&str> = line.unwrap().split_whitespace().collect();
@@ -20,7 +20,7 @@ fn counts(table: &str, of: &str) -> [u64; 2] {
 }
 
 #[test]
-fn every_object_of_a_family_counts_and_families_are_summed() {
+fn evaluate_sums_objects_by_family() {
     let folder = tempfile::tempdir().unwrap();
     let json = folder.path().join("report.json");
     let output = evaluate(&[
@@ -41,7 +41,7 @@ fn every_object_of_a_family_counts_and_families_are_summed() {
     let mut sums = Vec::new();
     for family in ["jars", "toys"] {
         let mut sum = [0, 0];
-        for entry in geometry::catalog::of_family(family) {
+        for entry in objects::catalog::entries_of_family(family) {
             let report = reports.iter().find(|r| r["object"] == entry.name).unwrap();
             let [lifted, attempts] =
                 ["lifted", "attempts"].map(|key| report[key].as_u64().unwrap());
@@ -52,15 +52,15 @@ fn every_object_of_a_family_counts_and_families_are_summed() {
         assert_eq!(counts(&table, family), sum);
         sums.push(sum);
     }
-    assert!(sums.iter().all(|sum| sum[0] > 0), "the planner lifts some of each: {table}");
+    assert!(sums.iter().all(|sum| sum[0] > 0), "the planner lifts objects of each family: {table}");
     assert_eq!(counts(&table, "all"), [sums[0][0] + sums[1][0], sums[0][1] + sums[1][1]]);
     assert_eq!(reports.len() as u64, sums[0][1] + sums[1][1]);
 }
 
 #[test]
-fn an_unknown_family_is_answered_with_the_known_ones() {
+fn unknown_family_error_lists_known_families() {
     let output = evaluate(&["--family", "teapots"]);
-    let said = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert!(!output.status.success(), "{said}");
-    assert!(said.contains("teapots") && said.contains("jars, mugs"), "{said}");
+    let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(!output.status.success(), "{stderr}");
+    assert!(stderr.contains("teapots") && stderr.contains("jars, mugs"), "{stderr}");
 }

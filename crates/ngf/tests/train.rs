@@ -1,6 +1,6 @@
-//! `ngf train` as a process: killed at random moments and resumed, with checkpoints that are damaged.
+//! `ngf train` as a process: killed at random times and resumed, and resumed from corrupt checkpoints.
 
-#![allow(clippy::unwrap_used, reason = "a helper of a test fails by panicking too")]
+#![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -11,10 +11,10 @@ use std::sync::LazyLock;
 use std::time::Duration;
 use tempfile::TempDir;
 
-/// What the tests share and leave as it is.
+/// Inputs that all tests share and do not modify.
 struct Trained {
     data: PathBuf,
-    /// An encoder, a policy and, in a folder of its own, a start network; nothing disturbed their training.
+    /// An encoder, a policy and (in its own subfolder) a start network, from uninterrupted trainings.
     whole: PathBuf,
 }
 
@@ -25,7 +25,7 @@ static TRAINED: LazyLock<Trained> = LazyLock::new(|| {
     }
     let [data, whole] = ["data", "whole"].map(|name| folder.join(name));
     let mut dataset = Command::new(env!("CARGO_BIN_EXE_ngf"));
-    dataset.args(["dataset", "--preset", "smoke", "--out"]).arg(&data);
+    dataset.args(["dataset", "generate", "--preset", "smoke", "--out"]).arg(&data);
     succeeded(dataset);
     for what in ["encoder", "policy", "start"] {
         let out = folder_of(&whole, what);
@@ -35,7 +35,7 @@ static TRAINED: LazyLock<Trained> = LazyLock::new(|| {
 });
 
 impl Trained {
-    /// A copy of the undisturbed training, to be spoilt.
+    /// A copy of the uninterrupted training, for a test to modify.
     fn copy(&self) -> TempDir {
         let copy = tempfile::tempdir().unwrap();
         for entry in std::fs::read_dir(&self.whole).unwrap().map(Result::unwrap) {
@@ -51,7 +51,7 @@ impl Trained {
     }
 }
 
-/// Where in a folder this is trained.
+/// Output folder of a training below `dir`.
 fn folder_of(dir: &Path, what: &str) -> PathBuf {
     let folder = if what == "start" { dir.join(what) } else { dir.to_owned() };
     std::fs::create_dir_all(&folder).unwrap();
@@ -60,23 +60,24 @@ fn folder_of(dir: &Path, what: &str) -> PathBuf {
 
 fn ngf(words: &[&str], data: &Path, out: &Path) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_ngf"));
-    command.args(words).arg("--data").arg(data).arg("--out").arg(out);
+    command.args(words).arg("--dataset").arg(data).arg("--out").arg(out);
     command.stdout(Stdio::null()).stderr(Stdio::piped());
     command
 }
 
-/// Trains an encoder, a policy or a start network of full size for a few small steps; a start network learns from the policy
-/// in the folder `policy`.
+/// Trains a full-size network for a few small steps. A start network learns from the model in the folder
+/// `policy`.
 fn train(what: &str, data: &Path, out: &Path, policy: &Path) -> Command {
     let steps = match what {
         "encoder" => "60",
         "policy" => "30",
         _ => "400",
     };
-    let words = ["train", what, "--batch", "4", "--checkpoint", "4", "--steps", steps];
+    let network = if what == "start" { "start-net" } else { what };
+    let words = ["train", network, "--batch", "4", "--checkpoint-every", "4", "--steps", steps];
     let mut command = ngf(&words, data, out);
     if what == "start" {
-        command.arg("--from").arg(policy);
+        command.arg("--model").arg(policy);
     }
     command
 }
@@ -87,16 +88,16 @@ fn succeeded(mut command: Command) -> Output {
     output
 }
 
-fn refused(command: &mut Command) -> String {
+fn rejected(command: &mut Command) -> String {
     let output = command.output().unwrap();
-    let said = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert!(!output.status.success(), "it was done: {said}");
-    said
+    let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(!output.status.success(), "the command succeeded: {stderr}");
+    stderr
 }
 
-/// Kills it thrice, each time at a random moment after it has written a checkpoint, and then lets it end; gives how often
-/// it was killed.
-fn disturbed(what: &str, out: &Path) -> usize {
+/// Kills the training three times, each at a random time after it has written a checkpoint, then lets it
+/// finish. Returns the number of kills.
+fn train_with_kills(what: &str, out: &Path) -> usize {
     let mut rng = ChaCha8Rng::seed_from_u64(what.len() as u64);
     let checkpoint = out.join(format!("{what}.checkpoint.safetensors"));
     let written = || std::fs::metadata(&checkpoint).and_then(|file| file.modified()).ok();
@@ -118,16 +119,16 @@ fn disturbed(what: &str, out: &Path) -> usize {
 }
 
 #[test]
-fn killed_and_resumed_it_ends_in_the_same_weights() {
+fn killed_and_resumed_training_gives_same_weights() {
     let folder = tempfile::tempdir().unwrap();
     for (what, files) in [
         ("encoder", &["encoder.safetensors", "latent.safetensors"][..]),
-        ("policy", &["weights.safetensors", "starts.safetensors", "config.json"][..]),
-        ("start", &["starts.safetensors"][..]),
+        ("policy", &["weights.safetensors", "start_configurations.safetensors", "config.json"][..]),
+        ("start", &["start_configurations.safetensors"][..]),
     ] {
         let [whole, killed] = [&TRAINED.whole, folder.path()].map(|dir| folder_of(dir, what));
-        let kills = disturbed(what, &killed);
-        assert!(kills >= 2, "{what}: killed {kills} times only");
+        let kills = train_with_kills(what, &killed);
+        assert!(kills >= 2, "{what}: killed only {kills} times");
         for file in files {
             let [a, b] = [&whole, &killed].map(|dir| std::fs::read(dir.join(file)).unwrap());
             assert!(a == b, "{what}, killed {kills} times: {file} differs");
@@ -136,75 +137,76 @@ fn killed_and_resumed_it_ends_in_the_same_weights() {
 }
 
 #[test]
-fn a_checkpoint_that_is_cut_short_gives_way_to_the_one_before() {
+fn corrupt_checkpoint_falls_back_to_previous() {
     let cut = TRAINED.copy();
     let checkpoint = cut.path().join("policy.checkpoint.safetensors");
     let bytes = std::fs::read(&checkpoint).unwrap();
     std::fs::write(&checkpoint, &bytes[..bytes.len() - 7]).unwrap();
-    let said = succeeded(TRAINED.train("policy", cut.path())).stderr;
-    let said = String::from_utf8_lossy(&said).into_owned();
-    assert!(said.contains("is damaged") && said.contains("of step 28"), "{said}");
+    let stderr = succeeded(TRAINED.train("policy", cut.path())).stderr;
+    let stderr = String::from_utf8_lossy(&stderr).into_owned();
+    assert!(stderr.contains("is damaged") && stderr.contains("of step 28"), "{stderr}");
     let [a, b] =
         [&TRAINED.whole, cut.path()].map(|dir| std::fs::read(dir.join("weights.safetensors")));
-    assert!(a.unwrap() == b.unwrap(), "the steps that were taken again differ");
+    assert!(a.unwrap() == b.unwrap(), "the repeated steps give other weights");
 }
 
 #[test]
-fn another_training_refuses_the_checkpoints_and_leaves_what_is_told_of_the_first() {
+fn other_settings_reject_checkpoint_and_keep_training_record() {
     let copy = TRAINED.copy();
     let mut other = TRAINED.train("policy", copy.path());
-    assert!(refused(other.args(["--rate", "0.001"])).contains("other settings (rate)"));
-    let about = std::fs::read(copy.path().join("dagger.json")).unwrap();
-    let about: Value = serde_json::from_slice(&about).unwrap();
-    assert_eq!((&about["rate"], &about["steps"]), (&5e-4.into(), &30.into()));
-    assert!(about["data"].is_string() && about["encoder"].is_string() && about["poses"].is_null());
+    assert!(rejected(other.args(["--lr", "0.001"])).contains("other settings (learning_rate)"));
+    let record = std::fs::read(copy.path().join("training.json")).unwrap();
+    let record: Value = serde_json::from_slice(&record).unwrap();
+    assert_eq!((&record["learning_rate"], &record["steps"]), (&5e-4.into(), &30.into()));
+    assert!(record["dataset_hash"].is_string() && record["encoder_hash"].is_string());
+    assert!(record["max_poses"].is_null());
     let mut onto_itself = ngf(&["train", "policy", "--steps", "60"], &TRAINED.data, copy.path());
-    let said = refused(onto_itself.arg("--from").arg(copy.path()));
-    assert!(said.contains("would be lost"), "{said}");
+    let stderr = rejected(onto_itself.arg("--init-from").arg(copy.path()));
+    assert!(stderr.contains("would be overwritten"), "{stderr}");
 }
 
 #[test]
-fn what_makes_no_sense_is_refused() {
-    for (words, why) in [
-        (&["--rate", "-1"][..], "between 0 and 1"),
-        (&["--clip", "0"][..], "more than 0, and finite"),
-        (&["--clip", "inf"], "more than 0, and finite"),
+fn invalid_options_are_rejected() {
+    for (options, message) in [
+        (&["--lr", "-1"][..], "between 0 and 1"),
+        (&["--grad-clip", "0"][..], "must be positive and finite"),
+        (&["--grad-clip", "inf"], "must be positive and finite"),
         (&["--horizon", "60000"], "60000"),
-        (&["--policy", "mlp-pcd", "--potential-share", "0.5"], "is of a fabric's networks"),
+        (&["--policy", "mlp-pcd", "--potential-only-fraction", "0.5"], "needs a fabric policy"),
     ] {
-        let said = refused(TRAINED.train("policy", TRAINED.copy().path()).args(words));
-        assert!(said.contains(why), "{said}");
+        let stderr = rejected(TRAINED.train("policy", TRAINED.copy().path()).args(options));
+        assert!(stderr.contains(message), "{stderr}");
     }
 }
 
 #[test]
-fn of_fewer_poses_there_are_fewer_lessons() {
-    let lessons = |words: &[&str]| {
+fn fewer_poses_give_fewer_demonstration_groups() {
+    let groups = |words: &[&str]| {
         let out = tempfile::tempdir().unwrap();
         let few = ["train", "policy", "--batch", "4", "--steps", "4"];
         let mut command = ngf(&few, &TRAINED.data, out.path());
         command.args(words).arg("--encoder").arg(&TRAINED.whole).stdout(Stdio::piped());
-        let said = String::from_utf8(succeeded(command).stdout).unwrap();
-        said.split_once(" lessons").unwrap().0.parse::<usize>().unwrap()
+        let stdout = String::from_utf8(succeeded(command).stdout).unwrap();
+        stdout.split_once(" demonstration groups").unwrap().0.parse::<usize>().unwrap()
     };
-    let (all, fewer) = (lessons(&[]), lessons(&["--poses", "1"]));
+    let (all, fewer) = (groups(&[]), groups(&["--max-poses", "1"]));
     assert!(0 < fewer && fewer < all, "{fewer} of {all}");
 }
 
 #[test]
-fn what_it_can_do_on_the_poses_that_it_was_taught_is_told_for_each_object() {
-    let mut examine = Command::new(env!("CARGO_BIN_EXE_ngf"));
-    examine.args(["examine", "--lessons", "2", "--model"]).arg(&TRAINED.whole);
-    examine.arg("--data").arg(&TRAINED.data);
-    let said = String::from_utf8(succeeded(examine).stdout).unwrap();
-    let row = said.lines().find(|line| line.starts_with("sugar_box")).unwrap();
+fn validate_prints_fingertip_error_per_object() {
+    let mut validate = Command::new(env!("CARGO_BIN_EXE_ngf"));
+    validate.args(["validate", "--samples", "2", "--model"]).arg(&TRAINED.whole);
+    validate.arg("--dataset").arg(&TRAINED.data);
+    let stdout = String::from_utf8(succeeded(validate).stdout).unwrap();
+    let row = stdout.lines().find(|line| line.starts_with("sugar_box")).unwrap();
     let numbers: Vec<f64> = row.split_whitespace().filter_map(|word| word.parse().ok()).collect();
-    assert!(numbers.len() >= 2 && numbers.iter().take(2).all(|off| *off > 1.0), "{said}");
+    assert!(numbers.len() >= 2 && numbers.iter().take(2).all(|error| *error > 1.0), "{stdout}");
 }
 
-/// Of a training of 30 steps with a checkpoint every 4.
+/// Log of a training of 30 steps with a checkpoint every 4 steps.
 #[test]
-fn its_log_tells_how_far_and_how_fast() {
+fn log_contains_progress_and_rate() {
     let log = std::fs::read_to_string(TRAINED.whole.join("policy.log.jsonl")).unwrap();
     let steps: Vec<Value> = log.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
     let at: Vec<u64> = steps.iter().map(|line| line["step"].as_u64().unwrap()).collect();
@@ -212,7 +214,7 @@ fn its_log_tells_how_far_and_how_fast() {
     for (line, name) in steps.iter().flat_map(|line| [(line, "loss"), (line, "gradient_norm")]) {
         assert!(line[name].as_f64().unwrap() > 0.0, "{name} in {line}");
     }
-    // A pace is known from the second report on.
+    // The rate is defined from the second report on.
     assert!(steps[0]["samples_per_s"].is_null());
     assert!(steps[1..].iter().all(|line| line["samples_per_s"].as_f64().unwrap() > 0.0));
     assert_eq!(steps[7]["seconds_left"], 0.0);

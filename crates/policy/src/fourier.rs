@@ -1,52 +1,53 @@
 //! Random Fourier features: 500 cosines and 500 sines of random projections (paper §III-B).
 //!
-//! The frequencies are drawn from a seed and never stored, so they are the same everywhere.
+//! The frequencies are sampled from a seed and not stored, so they are the same on every machine.
 
-use crate::lanes;
+use crate::simd;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// Frequencies; each gives a cosine and a sine.
-pub const FREQUENCIES: usize = 500;
-/// Features: cosines first.
-pub const FEATURES: usize = 2 * FREQUENCIES;
+/// Number of frequencies; each gives a cosine and a sine.
+pub const NUM_FREQUENCIES: usize = 500;
+/// Number of features; the cosines come first.
+pub const NUM_FEATURES: usize = 2 * NUM_FREQUENCIES;
 
-/// A block of inputs that share a length scale.
+/// A block of inputs with a common length scale.
 #[derive(Clone, Copy, Debug)]
-pub struct Block {
-    /// Inputs in the block.
+pub struct InputBlock {
+    /// Number of inputs in the block.
     pub size: usize,
     /// Distance in input space over which the features decorrelate.
     pub length_scale: f32,
 }
 
-/// The projection of a network's inputs.
+/// The random projection of a network's inputs.
 #[derive(Clone, Debug)]
-pub struct Fourier {
-    /// Frequencies, shape (inputs, FREQUENCIES), row-major.
+pub struct FourierFeatures {
+    /// Frequencies, shape (num_inputs, NUM_FREQUENCIES), row-major.
     pub frequencies: Vec<f32>,
-    /// Inputs.
-    pub inputs: usize,
+    /// Number of inputs.
+    pub num_inputs: usize,
 }
 
-impl Fourier {
-    /// Draws Gaussian frequencies with the blocks' length scales: features of the Gaussian kernel.
-    pub fn new(blocks: &[Block], seed: u64) -> Self {
+impl FourierFeatures {
+    /// Samples Gaussian frequencies with the blocks' length scales; the features approximate a Gaussian
+    /// kernel.
+    pub fn new(blocks: &[InputBlock], seed: u64) -> Self {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let mut frequencies = Vec::new();
         for block in blocks {
-            for _ in 0..block.size * FREQUENCIES {
+            for _ in 0..block.size * NUM_FREQUENCIES {
                 frequencies.push(standard_normal(&mut rng) / block.length_scale);
             }
         }
-        Self { frequencies, inputs: blocks.iter().map(|block| block.size).sum() }
+        Self { frequencies, num_inputs: blocks.iter().map(|block| block.size).sum() }
     }
 
-    /// Projections Wx, shape (FREQUENCIES).
+    /// Projections Wx, shape (NUM_FREQUENCIES).
     pub fn project(&self, x: &[f32]) -> Vec<f32> {
-        debug_assert_eq!(x.len(), self.inputs);
-        let mut phases = vec![0.0; FREQUENCIES];
-        for (x, row) in x.iter().zip(self.frequencies.chunks_exact(FREQUENCIES)) {
+        debug_assert_eq!(x.len(), self.num_inputs);
+        let mut phases = vec![0.0; NUM_FREQUENCIES];
+        for (x, row) in x.iter().zip(self.frequencies.chunks_exact(NUM_FREQUENCIES)) {
             for (phase, w) in phases.iter_mut().zip(row) {
                 *phase += x * w;
             }
@@ -54,51 +55,52 @@ impl Fourier {
         phases
     }
 
-    /// Features (cos Wx, sin Wx), shape (FEATURES).
+    /// Features (cos Wx, sin Wx), shape (NUM_FEATURES).
     pub fn features(&self, x: &[f32]) -> Vec<f32> {
         let mut features = self.project(x);
-        features.resize(FEATURES, 0.0);
-        let (cosines, sines) = features.split_at_mut(FREQUENCIES);
+        features.resize(NUM_FEATURES, 0.0);
+        let (cosines, sines) = features.split_at_mut(NUM_FREQUENCIES);
         for (cosine, sine) in cosines.iter_mut().zip(sines) {
             (*sine, *cosine) = sin_cos(*cosine);
         }
         features
     }
 
-    /// Gradient with respect to the first `count` inputs, given `features` and the gradient with
-    /// respect to them: Wᵀ(-sin ⊙ ḡ_cos + cos ⊙ ḡ_sin).
-    pub fn pull_back(&self, features: &[f32], gradient: &[f32], count: usize) -> Vec<f32> {
-        let (cosines, sines) = features.split_at(FREQUENCIES);
-        let (of_cosines, of_sines) = gradient.split_at(FREQUENCIES);
-        let phases: Vec<f32> =
-            (0..FREQUENCIES).map(|k| cosines[k] * of_sines[k] - sines[k] * of_cosines[k]).collect();
-        let rows = self.frequencies.chunks_exact(FREQUENCIES).take(count);
-        rows.map(|row| lanes::dot::<8, _>(row, &phases, |w| w)).collect()
+    /// Vector-Jacobian product: gradient with respect to the first `count` inputs, given `features` and the
+    /// gradient with respect to them: Wᵀ(-sin ⊙ ḡ_cos + cos ⊙ ḡ_sin).
+    pub fn vjp(&self, features: &[f32], gradient: &[f32], count: usize) -> Vec<f32> {
+        let (cosines, sines) = features.split_at(NUM_FREQUENCIES);
+        let (of_cosines, of_sines) = gradient.split_at(NUM_FREQUENCIES);
+        let phases: Vec<f32> = (0..NUM_FREQUENCIES)
+            .map(|k| cosines[k] * of_sines[k] - sines[k] * of_cosines[k])
+            .collect();
+        let rows = self.frequencies.chunks_exact(NUM_FREQUENCIES).take(count);
+        rows.map(|row| simd::dot::<8, _>(row, &phases, |w| w)).collect()
     }
 }
 
-/// Sine and cosine in single precision without branches, so that compilers may use vectors.
+/// Sine and cosine in single precision, without branches, so that compilers can vectorise it.
 ///
 /// Reduction to [-π/4, π/4] with π/2 in three parts, then the minimax polynomials of Cephes
 /// (S. Moshier); error below 2e-7 for |x| < 8000.
 #[inline(always)]
 pub fn sin_cos(x: f32) -> (f32, f32) {
-    // Adding 1.5 x 2^23 rounds to an integer, as `rint` does but inline.
+    // Adding 1.5 x 2^23 rounds to an integer, as `rint` does, but inlines.
     const ROUND: f32 = 12_582_912.0;
-    let quarter = (x * std::f32::consts::FRAC_2_PI + ROUND) - ROUND;
-    let r = ((x - quarter * 1.570_312_5) - quarter * 4.837_513e-4) - quarter * 7.549_79e-8;
+    let quadrant = (x * std::f32::consts::FRAC_2_PI + ROUND) - ROUND;
+    let r = ((x - quadrant * 1.570_312_5) - quadrant * 4.837_513e-4) - quadrant * 7.549_79e-8;
     let r2 = r * r;
     let sin = r + r * r2 * (-1.666_665_5e-1 + r2 * (8.332_161e-3 + r2 * -1.951_529_6e-4));
     let cos =
         1.0 - 0.5 * r2 + r2 * r2 * (4.166_664_6e-2 + r2 * (-1.388_731_6e-3 + r2 * 2.443_315_7e-5));
-    let turn = quarter as i32 & 3;
-    let (a, b) = if turn & 1 == 0 { (sin, cos) } else { (cos, sin) };
-    let sine = if turn & 2 == 0 { a } else { -a };
-    let cosine = if (turn + 1) & 2 == 0 { b } else { -b };
+    let index = quadrant as i32 & 3;
+    let (a, b) = if index & 1 == 0 { (sin, cos) } else { (cos, sin) };
+    let sine = if index & 2 == 0 { a } else { -a };
+    let cosine = if (index + 1) & 2 == 0 { b } else { -b };
     (sine, cosine)
 }
 
-/// A standard normal value (Box and Muller); the second one is dropped to keep the stream simple.
+/// A standard normal value (Box and Muller); the second value is discarded to keep the random stream simple.
 fn standard_normal(rng: &mut ChaCha8Rng) -> f32 {
     let (u, v): (f32, f32) = (rng.random(), rng.random());
     let radius = libm::sqrtf(-2.0 * libm::logf(1.0 - u));
@@ -110,12 +112,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn features_make_the_gaussian_kernel() {
-        let fourier = Fourier::new(&[Block { size: 3, length_scale: 2.0 }], 1);
+    fn features_approximate_gaussian_kernel() {
+        let fourier = FourierFeatures::new(&[InputBlock { size: 3, length_scale: 2.0 }], 1);
         for distance in [0.0f32, 1.0, 2.0, 4.0] {
             let a = fourier.features(&[0.3, -0.2, 0.9]);
             let b = fourier.features(&[0.3 + distance, -0.2, 0.9]);
-            let kernel = lanes::dot::<8, _>(&a, &b, |w| w) / FREQUENCIES as f32;
+            let kernel = simd::dot::<8, _>(&a, &b, |w| w) / NUM_FREQUENCIES as f32;
             let wanted = (-distance * distance / 8.0).exp();
             assert!((kernel - wanted).abs() < 0.1, "{kernel} against {wanted} at {distance}");
         }
@@ -134,12 +136,12 @@ mod tests {
     }
 
     #[test]
-    fn pull_back_is_the_gradient() {
-        let fourier = Fourier::new(&[Block { size: 4, length_scale: 1.5 }], 3);
-        let weights: Vec<f32> = (0..FEATURES).map(|k| libm::sinf(k as f32)).collect();
+    fn vjp_agrees_with_central_differences() {
+        let fourier = FourierFeatures::new(&[InputBlock { size: 4, length_scale: 1.5 }], 3);
+        let weights: Vec<f32> = (0..NUM_FEATURES).map(|k| libm::sinf(k as f32)).collect();
         let x = [0.1f32, -0.4, 0.7, 0.2];
-        let value = |x: &[f32]| lanes::dot::<8, _>(&fourier.features(x), &weights, |w| w) as f64;
-        let gradient = fourier.pull_back(&fourier.features(&x), &weights, 4);
+        let value = |x: &[f32]| simd::dot::<8, _>(&fourier.features(x), &weights, |w| w) as f64;
+        let gradient = fourier.vjp(&fourier.features(&x), &weights, 4);
         for i in 0..4 {
             let (mut up, mut down) = (x, x);
             up[i] += 1e-2;

@@ -1,39 +1,39 @@
-//! Fully connected layers, and the gradient of a scalar output (paper §III-B).
+//! Multilayer perceptrons, and the gradient of their first output (paper §III-B).
 
-use crate::lanes::{self, widen};
+use crate::simd::{self, f16_to_f32};
 use crate::weights::{Tensors, WeightsError};
 use half::f16;
 
-/// y = xW + b.
+/// A fully connected layer: y = xW + b.
 #[derive(Clone, Debug)]
 pub struct Dense {
-    /// W, shape (inputs, outputs), row-major; in memory as in the file, because a step of the policy
-    /// takes as long as its weights take from memory.
+    /// W, shape (num_inputs, num_outputs), row-major. Half precision also in memory, because a policy step is
+    /// limited by memory bandwidth.
     pub weight: Vec<f16>,
-    /// b, shape (outputs).
+    /// b, shape (num_outputs).
     pub bias: Vec<f32>,
 }
 
-/// What stands between two layers.
+/// Activation function between two layers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Activation {
-    /// The exponential linear unit: smooth, for what is differentiated.
+    /// Exponential linear unit; smooth, for networks whose gradient is used.
     Elu,
-    /// The rectifier.
+    /// Rectified linear unit.
     Relu,
 }
 
-/// Layers with an activation after each but the last.
+/// A multilayer perceptron: layers with an activation after each but the last.
 #[derive(Clone, Debug)]
 pub struct Mlp {
-    /// The layers from input to output.
+    /// The layers, from input to output.
     pub layers: Vec<Dense>,
-    /// What stands between them.
+    /// Activation after each layer but the last.
     pub activation: Activation,
 }
 
 impl Activation {
-    /// Its value.
+    /// Value at `x`.
     pub fn apply(self, x: f32) -> f32 {
         match self {
             Self::Elu => elu(x),
@@ -41,27 +41,27 @@ impl Activation {
         }
     }
 
-    /// Its derivative.
-    pub fn slope(self, x: f32) -> f32 {
+    /// Derivative at `x`.
+    pub fn derivative(self, x: f32) -> f32 {
         match self {
-            Self::Elu => elu_slope(x),
+            Self::Elu => elu_derivative(x),
             Self::Relu => f32::from(x > 0.0),
         }
     }
 }
 
-/// The exponential linear unit: x above zero, e^x - 1 below.
+/// ELU: x for positive x, otherwise e^x - 1.
 pub fn elu(x: f32) -> f32 {
     if x > 0.0 { x } else { libm::expm1f(x) }
 }
 
-/// Its derivative: 1 above zero, e^x below.
-pub fn elu_slope(x: f32) -> f32 {
+/// Derivative of ELU: 1 for positive x, otherwise e^x.
+pub fn elu_derivative(x: f32) -> f32 {
     if x > 0.0 { 1.0 } else { libm::expf(x) }
 }
 
 impl Dense {
-    /// Reads `name.weight` and `name.bias` of the wanted sizes.
+    /// Loads `name.weight` and `name.bias` with the given sizes.
     pub fn load(
         tensors: &Tensors,
         name: &str,
@@ -74,28 +74,28 @@ impl Dense {
         })
     }
 
-    /// Outputs.
-    pub fn outputs(&self) -> usize {
+    /// Number of outputs.
+    pub fn num_outputs(&self) -> usize {
         self.bias.len()
     }
 
-    /// y = xW + b; every output sums its inputs in order.
+    /// y = xW + b; each output sums its inputs in order.
     pub fn apply(&self, x: &[f32]) -> Vec<f32> {
         debug_assert_eq!(x.len() * self.bias.len(), self.weight.len());
         let mut y = self.bias.clone();
-        lanes::widest(
+        simd::with_simd(
             #[inline(always)]
             || add_product(&self.weight, x, &mut y),
         );
         y
     }
 
-    /// Wḡ: the gradient with respect to the inputs.
-    fn pull_back(&self, gradient: &[f32]) -> Vec<f32> {
+    /// Vector-Jacobian product Wḡ: the gradient with respect to the inputs.
+    fn vjp(&self, gradient: &[f32]) -> Vec<f32> {
         let rows = self.weight.chunks_exact(gradient.len());
-        lanes::widest(
+        simd::with_simd(
             #[inline(always)]
-            || rows.map(|row| lanes::dot::<16, _>(row, gradient, widen)).collect(),
+            || rows.map(|row| simd::dot::<16, _>(row, gradient, f16_to_f32)).collect(),
         )
     }
 }
@@ -104,7 +104,7 @@ impl Dense {
 #[inline(always)]
 fn add_product(weight: &[f16], x: &[f32], y: &mut [f32]) {
     let width = y.len();
-    // Four rows at a time: fewer passes over y, and still one fixed order of sums.
+    // Four rows per pass: fewer passes over y, and still a fixed order of each sum.
     let mut inputs = x.chunks_exact(4);
     let mut fours = weight.chunks_exact(4 * width);
     for (x, four) in inputs.by_ref().zip(fours.by_ref()) {
@@ -113,18 +113,19 @@ fn add_product(weight: &[f16], x: &[f32], y: &mut [f32]) {
         let (r2, r3) = rest.split_at(width);
         let (x0, x1, x2, x3) = (x[0], x[1], x[2], x[3]);
         for ((((y, a), b), c), d) in y.iter_mut().zip(r0).zip(r1).zip(r2).zip(r3) {
-            *y = (((*y + x0 * widen(*a)) + x1 * widen(*b)) + x2 * widen(*c)) + x3 * widen(*d);
+            *y = (((*y + x0 * f16_to_f32(*a)) + x1 * f16_to_f32(*b)) + x2 * f16_to_f32(*c))
+                + x3 * f16_to_f32(*d);
         }
     }
     for (x, row) in inputs.remainder().iter().zip(fours.remainder().chunks_exact(width)) {
         for (y, w) in y.iter_mut().zip(row) {
-            *y += x * widen(*w);
+            *y += x * f16_to_f32(*w);
         }
     }
 }
 
 impl Mlp {
-    /// Reads layers `name.0`, `name.1`, ... of the given widths, inputs first.
+    /// Loads the layers `name.0`, `name.1`, ... of the given widths, inputs first.
     pub fn load(
         tensors: &Tensors,
         name: &str,
@@ -138,7 +139,7 @@ impl Mlp {
         Ok(Self { layers, activation })
     }
 
-    /// Output of the last layer, which is linear.
+    /// Output of the last layer, without activation.
     pub fn apply(&self, x: &[f32]) -> Vec<f32> {
         let (last, hidden) = self.split();
         let mut h = x.to_vec();
@@ -153,23 +154,24 @@ impl Mlp {
     pub fn gradient(&self, x: &[f32]) -> Vec<f32> {
         let (last, hidden) = self.split();
         let mut h = x.to_vec();
-        let mut slopes = Vec::with_capacity(hidden.len());
+        let mut derivatives = Vec::with_capacity(hidden.len());
         for layer in hidden {
             h = layer.apply(&h);
-            slopes.push(h.iter().map(|&h| self.activation.slope(h)).collect::<Vec<f32>>());
+            derivatives
+                .push(h.iter().map(|&h| self.activation.derivative(h)).collect::<Vec<f32>>());
             h.iter_mut().for_each(|h| *h = self.activation.apply(*h));
         }
         let mut gradient: Vec<f32> =
-            last.weight.chunks_exact(last.outputs()).map(|row| widen(row[0])).collect();
-        for (layer, slope) in hidden.iter().zip(&slopes).rev() {
-            gradient.iter_mut().zip(slope).for_each(|(g, s)| *g *= s);
-            gradient = layer.pull_back(&gradient);
+            last.weight.chunks_exact(last.num_outputs()).map(|row| f16_to_f32(row[0])).collect();
+        for (layer, derivative) in hidden.iter().zip(&derivatives).rev() {
+            gradient.iter_mut().zip(derivative).for_each(|(g, s)| *g *= s);
+            gradient = layer.vjp(&gradient);
         }
         gradient
     }
 
     fn split(&self) -> (&Dense, &[Dense]) {
-        // An MLP is read with at least one layer.
+        // A loaded MLP has at least one layer.
         (&self.layers[self.layers.len() - 1], &self.layers[..self.layers.len() - 1])
     }
 }
@@ -187,7 +189,7 @@ mod tests {
     }
 
     #[test]
-    fn a_layer_is_xw_plus_b() {
+    fn layer_output_is_xw_plus_b() {
         let layer = dense(7, 5);
         let x: Vec<f32> = (0..7).map(|k| k as f32 - 3.0).collect();
         for (o, got) in layer.apply(&x).iter().enumerate() {
@@ -215,8 +217,10 @@ mod tests {
     }
 
     #[test]
-    fn elu_and_its_slope_are_continuous_at_zero() {
-        assert!((elu(-1e-6) - elu(1e-6)).abs() < 1e-5 && (elu_slope(-1e-6) - 1.0).abs() < 1e-5);
+    fn elu_and_its_derivative_are_continuous_at_zero() {
+        assert!(
+            (elu(-1e-6) - elu(1e-6)).abs() < 1e-5 && (elu_derivative(-1e-6) - 1.0).abs() < 1e-5
+        );
         assert!((elu(-50.0) + 1.0).abs() < 1e-6);
     }
 }

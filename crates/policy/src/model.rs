@@ -1,105 +1,102 @@
-//! A model as it is shipped: encoder, policy, start configurations, configuration.
+//! A deployed model: encoder, policy, start configurations, configuration.
 
 use crate::encoder::{Decoder, Encoder};
-use crate::encoding::{Encoding, to_front};
-use crate::network::{self, Network, NetworkConfig, Observation, PolicyConfig};
-use crate::ngf::NgfConfig;
-use crate::start::Starts;
+use crate::network::{self, Network, ObservationKind, PolicyConfig};
+use crate::observation::{Observation, canonicalize};
+use crate::start_model::StartModel;
 use crate::weights::{Tensors, WeightsError};
 use geometry::Vec3;
-use robot::Tree;
+use robot::KinematicTree;
 
-/// What weights, starts and configuration mean: 1, everything in the base frame; 2, with the object in front; 3,
-/// policies of several kinds.
-pub const VERSION: u32 = 3;
+/// Version of the meaning of weights, start configurations and configuration. 1: all in the base frame; 2:
+/// canonical frame, with the object at azimuth 0; 3: several kinds of policies; 4: other field names.
+pub const MODEL_VERSION: u32 = 4;
 
-/// The configuration that lies beside the weights.
+/// The model's configuration file, `config.json`.
 #[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
 pub struct ModelConfig {
-    /// [`VERSION`] of the program that trained it.
+    /// [`MODEL_VERSION`] of the program that trained the model.
     pub version: u32,
-    /// What the policy is told, sizes and scales of its networks.
+    /// Observation, architecture and scales of the policy.
     pub policy: PolicyConfig,
 }
 
 impl ModelConfig {
-    /// Reads a configuration; one that means something else is an error.
+    /// Parses a configuration; versions other than [`MODEL_VERSION`] are errors.
     pub fn parse(bytes: &[u8]) -> Result<Self, WeightsError> {
         #[derive(serde::Deserialize)]
         struct Versioned {
-            #[serde(default = "first")]
+            #[serde(default = "default_version")]
             version: u32,
         }
-        /// That of version 2, when there was one kind of policy.
-        #[derive(serde::Deserialize)]
-        struct Fabric {
-            ngf: NgfConfig,
-        }
         match serde_json::from_slice::<Versioned>(bytes)?.version {
-            VERSION => Ok(serde_json::from_slice(bytes)?),
-            2 => {
-                let network = NetworkConfig::Ngf(serde_json::from_slice::<Fabric>(bytes)?.ngf);
-                let policy = PolicyConfig { observation: Observation::Cloud, network };
-                Ok(Self { version: VERSION, policy })
-            }
-            found => Err(WeightsError::Version { found, wanted: VERSION }),
+            MODEL_VERSION => Ok(serde_json::from_slice(bytes)?),
+            found => Err(WeightsError::Version { found, wanted: MODEL_VERSION }),
         }
     }
 }
 
-/// The version of what has none.
-fn first() -> u32 {
+impl ModelConfig {
+    /// All values in declaration order, in postcard's encoding. The model hash covers these bytes instead of
+    /// the file's text, so that names and formatting do not contribute.
+    pub fn canonical_bytes(&self) -> Vec<u8> {
+        postcard::to_allocvec(self).expect("all fields are plain values")
+    }
+}
+
+/// Version of a configuration without a version field.
+fn default_version() -> u32 {
     1
 }
 
-/// Everything that an attempt needs.
+/// All parts of a model that an attempt needs.
 #[derive(Clone, Debug)]
 pub struct Model {
     /// Point cloud -> z.
     pub encoder: Encoder,
     /// z -> point cloud.
     pub decoder: Decoder,
-    /// What the policy is told of the object.
-    pub observation: Observation,
-    /// (q, q̇, z) -> q̈.
+    /// Whether the policy observes z or the position of the cloud.
+    pub observation_kind: ObservationKind,
+    /// (q, q̇, observation) -> q̈.
     pub network: Network,
-    /// Where attempts begin.
-    pub starts: Starts,
+    /// Start configurations of attempts.
+    pub start_model: StartModel,
 }
 
 impl Model {
-    /// Builds a model from the bytes of its three files.
+    /// Builds a model from the bytes of weights, start configurations and configuration.
     pub fn load(
         weights: &[u8],
         starts: &[u8],
         config: &[u8],
-        tree: &Tree,
+        tree: &KinematicTree,
     ) -> Result<Self, WeightsError> {
         let config = ModelConfig::parse(config)?;
         let tensors = Tensors::parse(weights)?;
         Ok(Self {
             encoder: Encoder::load(&tensors)?,
             decoder: Decoder::load(&tensors)?,
-            observation: config.policy.observation,
+            observation_kind: config.policy.observation,
             network: Network::load(&tensors, &config.policy, &tree.limits)?,
-            starts: Starts::load(starts, config.policy.observation.size(), tree)?,
+            start_model: StartModel::load(starts, config.policy.observation.dim(), tree)?,
         })
     }
 
-    /// The cloud, turned to the front, that is in what the policy is told; `None` if only its position is.
-    pub fn reconstruct(&self, told: &Encoding) -> Option<Vec<Vec3>> {
-        let is_cloud = self.observation == Observation::Cloud;
-        is_cloud.then(|| self.decoder.decode(&told.z))
+    /// Decodes an observation to a cloud (m) in the canonical frame; `None` for a position.
+    pub fn reconstruct(&self, observation: &Observation) -> Option<Vec<Vec3>> {
+        let is_cloud = self.observation_kind == ObservationKind::Cloud;
+        is_cloud.then(|| self.decoder.decode(&observation.latent))
     }
 
-    /// What the policy is told of a cloud (base frame) in farthest-point order; `None` if it is empty.
-    pub fn observe(&self, cloud: &[Vec3]) -> Option<Encoding> {
-        match self.observation {
-            Observation::Cloud => self.encoder.encode(cloud),
-            Observation::Position if cloud.is_empty() => None,
-            Observation::Position => {
-                let (bearing, front) = to_front(cloud);
-                Some(Encoding { bearing, z: network::position(&front) })
+    /// Observes a cloud (base frame) in farthest-point order; `None` if it is empty.
+    pub fn observe(&self, cloud: &[Vec3]) -> Option<Observation> {
+        match self.observation_kind {
+            ObservationKind::Cloud => self.encoder.encode(cloud),
+            ObservationKind::Position if cloud.is_empty() => None,
+            ObservationKind::Position => {
+                let (azimuth, canonical) = canonicalize(cloud);
+                Some(Observation { azimuth, latent: network::normalized_centroid(&canonical) })
             }
         }
     }
@@ -108,10 +105,11 @@ impl Model {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::LATENT;
+    use crate::LATENT_DIM;
     use crate::Whitening;
     use crate::encoder::{DECODER_WIDTHS, GLOBAL_WIDTHS, LOCAL_WIDTHS, READOUT_WIDTHS};
-    use crate::ngf::PARTS;
+    use crate::network::NetworkConfig;
+    use crate::ngf::{NgfConfig, SUBNETWORKS};
     use robot::{DOF, JointState, JointVector};
     use safetensors::Dtype;
     use safetensors::tensor::TensorView;
@@ -123,11 +121,11 @@ mod tests {
         (0..count).map(|k| 0.05 * libm::sinf((k * k % 1009 + 31 * seed) as f32)).collect()
     }
 
-    /// All tensors of a small model.
+    /// Tensors of a small model.
     fn weights() -> File {
         let config = NgfConfig::tiny();
         let mut networks: Vec<(&str, Vec<usize>)> =
-            PARTS.iter().map(|part| (part.name, part.widths(&config).to_vec())).collect();
+            SUBNETWORKS.iter().map(|part| (part.name, part.widths(&config).to_vec())).collect();
         networks.extend([
             ("encoder.local", LOCAL_WIDTHS.to_vec()),
             ("encoder.global", GLOBAL_WIDTHS.to_vec()),
@@ -149,11 +147,11 @@ mod tests {
         file
     }
 
-    /// Two object poses with two starts each.
+    /// Start configurations of two object poses, two each.
     fn starts() -> File {
-        let z = [0.0f32, 0.0, 1.0, 1.0].iter().flat_map(|z| [*z; LATENT]).collect();
+        let z = [0.0f32, 0.0, 1.0, 1.0].iter().flat_map(|z| [*z; LATENT_DIM]).collect();
         let q = [0.3f32, 0.45, 0.3, 0.45].iter().flat_map(|q| [*q; DOF]).collect();
-        let rows = [("starts.z", LATENT, z), ("starts.q", DOF, q)];
+        let rows = [("starts.z", LATENT_DIM, z), ("starts.q", DOF, q)];
         rows.map(|(name, size, values)| (name.to_owned(), (vec![4, size], values))).into()
     }
 
@@ -170,15 +168,15 @@ mod tests {
     }
 
     fn load(weights: &[u8], starts: &[u8], config: &str) -> Result<Model, WeightsError> {
-        Model::load(weights, starts, config.as_bytes(), &Tree::iiwa7_allegro().unwrap())
+        Model::load(weights, starts, config.as_bytes(), &KinematicTree::iiwa7_allegro().unwrap())
     }
 
     fn config() -> String {
-        serde_json::to_string(&ModelConfig { version: VERSION, policy: PolicyConfig::tiny() })
+        serde_json::to_string(&ModelConfig { version: MODEL_VERSION, policy: PolicyConfig::tiny() })
             .unwrap()
     }
 
-    /// The message about weights that were changed.
+    /// Error text of loading modified weights.
     fn message(change: impl FnOnce(&mut File)) -> String {
         let mut file = weights();
         change(&mut file);
@@ -186,62 +184,66 @@ mod tests {
     }
 
     #[test]
-    fn a_sound_model_loads_and_acts() {
+    fn valid_model_loads_and_predicts_accelerations() {
         let model = load(&bytes(&weights()), &bytes(&starts()), &config()).unwrap();
         let state = JointState::at_rest(JointVector::from_element(0.3));
-        let object = Encoding { bearing: 0.3, z: vec![0.1; LATENT] };
+        let object = Observation { azimuth: 0.3, latent: vec![0.1; LATENT_DIM] };
         let qdd = object.acceleration(&model.network, &state);
         assert!(qdd.is_some());
-        // Object and first joint turned alike: nothing changes.
+        // A common rotation of object and first joint changes nothing.
         let mut turned = state;
         turned.q[0] += 0.25;
-        let object = Encoding { bearing: 0.55, ..object };
+        let object = Observation { azimuth: 0.55, ..object };
         assert_eq!(object.acceleration(&model.network, &turned), qdd);
-        assert_eq!(model.decoder.decode(&[0.1; LATENT]).len(), crate::encoder::CLOUD);
+        assert_eq!(model.decoder.decode(&[0.1; LATENT_DIM]).len(), crate::encoder::CLOUD_POINTS);
     }
 
     #[test]
-    fn the_start_belongs_to_the_nearest_encoding_and_then_to_the_nearest_palm() {
+    fn start_has_nearest_latent_and_then_nearest_palm() {
         let model = load(&bytes(&weights()), &bytes(&starts()), &config()).unwrap();
         for (z, q) in [(0.2f32, 0.3), (0.2, 0.45), (0.9, 0.3), (0.9, 0.45)] {
-            // Where the first joint is, at another bearing.
+            // The first joint is rotated to another azimuth.
             let mut wanted = JointVector::from_element(f64::from(q as f32));
             wanted[0] += 0.4;
-            let palm = Tree::iiwa7_allegro().unwrap().kinematics(&wanted).palm();
-            let object = Encoding { bearing: 0.4, z: vec![z; LATENT] };
-            let start = model.starts.find(&object, &palm).unwrap();
+            let palm =
+                KinematicTree::iiwa7_allegro().unwrap().forward_kinematics(&wanted).palm_pose();
+            let object = Observation { azimuth: 0.4, latent: vec![z; LATENT_DIM] };
+            let start = model.start_model.find(&object, &palm).unwrap();
             assert!((start - wanted).amax() < 1e-6, "{} against {q}", start[0]);
         }
     }
 
     #[test]
-    fn a_missing_tensor_is_named() {
+    fn missing_tensor_is_named_in_the_error() {
         let message = message(|file| drop(file.remove("potential.2.bias")));
-        assert!(message.contains("lack the tensor potential.2.bias"), "{message}");
+        assert!(message.contains("missing tensor potential.2.bias"), "{message}");
     }
 
     #[test]
-    fn a_wrong_shape_is_named_with_the_wanted_one() {
+    fn wrong_shape_is_named_with_the_expected_one() {
         let message = message(|file| {
             file.insert("encoder.local.0.weight".into(), (vec![3, 32], wave(96, 0)));
         });
-        assert!(message.contains("encoder.local.0.weight should be [6, 32]"), "{message}");
+        assert!(message.contains("encoder.local.0.weight must have shape [6, 32]"), "{message}");
         assert!(message.contains("found [3, 32]"), "{message}");
     }
 
     #[test]
-    fn a_value_that_is_not_finite_is_named() {
+    fn value_that_is_not_finite_is_named() {
         for bad in [f32::NAN, f32::INFINITY] {
             let message = message(|file| {
                 let (_, values) = file.get_mut("damping.1.weight").unwrap();
                 values[17] = bad;
             });
-            assert!(message.contains("damping.1.weight holds a value that is not"), "{message}");
+            assert!(
+                message.contains("damping.1.weight has a value that is not finite"),
+                "{message}"
+            );
         }
     }
 
     #[test]
-    fn a_damaged_file_is_told_from_a_foreign_one() {
+    fn damaged_file_and_wrong_file_give_different_errors() {
         let (whole, starts) = (bytes(&weights()), bytes(&starts()));
         for end in [0, 5, 100, whole.len() / 2, whole.len() - 1] {
             let message = load(&whole[..end], &starts, &config()).unwrap_err().to_string();
@@ -255,34 +257,28 @@ mod tests {
         let mut beyond = self::starts();
         beyond.insert("starts.q".into(), far);
         let message = load(&whole, &bytes(&beyond), &config()).unwrap_err().to_string();
-        assert!(message.contains("start 0 is beyond the limits"), "{message}");
-        let message = load(&whole, &starts, r#"{"version": 3}"#).unwrap_err().to_string();
+        assert!(message.contains("start configuration 0 exceeds the joint limits"), "{message}");
+        let message = load(&whole, &starts, r#"{"version": 4}"#).unwrap_err().to_string();
         assert!(message.contains("configuration") && message.contains("policy"), "{message}");
-        for (other, found) in [("{}", "version 1"), (r#"{"version": 4}"#, "version 4")] {
+        for (other, found) in [("{}", "version 1"), (r#"{"version": 5}"#, "version 5")] {
             let message = load(&whole, &starts, other).unwrap_err().to_string();
-            assert!(message.contains(found) && message.contains("version 3"), "{message}");
+            assert!(message.contains(found) && message.contains("version 4"), "{message}");
         }
     }
 
     #[test]
-    fn a_configuration_of_version_2_is_that_of_a_fabric_that_sees_clouds() {
-        let old = serde_json::json!({ "version": 2, "ngf": NgfConfig::tiny() }).to_string();
-        let new = ModelConfig::parse(old.as_bytes()).unwrap();
-        assert_eq!((new.version, new.policy), (VERSION, PolicyConfig::tiny()));
-    }
-
-    #[test]
-    fn a_setting_that_no_networks_can_be_built_from_is_named() {
+    fn invalid_configuration_value_is_named() {
         let tiny = NgfConfig::tiny;
-        for (ngf, named) in [
+        for (ngf, expected) in [
             (NgfConfig { hidden: 0, ..tiny() }, "hidden = 0"),
             (NgfConfig { latent_scale: 0.0, ..tiny() }, "latent_scale = 0"),
             (NgfConfig { velocity_scale: -1.0, ..tiny() }, "velocity_scale = -1"),
         ] {
             let policy = PolicyConfig { network: NetworkConfig::Ngf(ngf), ..PolicyConfig::tiny() };
-            let config = serde_json::to_string(&ModelConfig { version: VERSION, policy }).unwrap();
+            let config =
+                serde_json::to_string(&ModelConfig { version: MODEL_VERSION, policy }).unwrap();
             let message = load(&bytes(&weights()), &bytes(&starts()), &config).unwrap_err();
-            assert!(message.to_string().contains(named), "{message}");
+            assert!(message.to_string().contains(expected), "{message}");
         }
     }
 }

@@ -1,78 +1,78 @@
-//! The policies that are compared: what they are told of the object, and which network acts on it (paper §IV).
+//! The policies of the comparison: their observation of the object, and their network (paper §IV).
 
-use crate::baseline::{Baseline, BaselineConfig};
-use crate::encoder::{self, LATENT};
-use crate::head::Fabric;
+use crate::acceleration_mlp::{AccelerationMlp, AccelerationMlpConfig};
+use crate::encoder::{self, LATENT_DIM};
+use crate::head::NeuralFabric;
 use crate::ngf::{Ngf, NgfConfig};
 use crate::weights::{Tensors, WeightsError};
 use geometry::Vec3;
-use robot::{JointState, JointVector, Limits};
+use robot::{JointLimits, JointState, JointVector};
 
-/// What a policy is told of the object.
+/// The policy's observation of the object.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Observation {
-    /// z of its cloud (the paper's -PCD).
+pub enum ObservationKind {
+    /// z of the point cloud (the paper's -PCD).
     Cloud,
-    /// Where the middle of its cloud is (-POS).
+    /// Centroid of the point cloud (the paper's -POS).
     Position,
 }
 
-impl Observation {
-    /// How many numbers that is.
-    pub fn size(self) -> usize {
+impl ObservationKind {
+    /// Number of values of the observation.
+    pub fn dim(self) -> usize {
         match self {
-            Self::Cloud => LATENT,
+            Self::Cloud => LATENT_DIM,
             Self::Position => 3,
         }
     }
 }
 
-/// The middle of a cloud that has been turned to the front, in units of the workspace.
-pub fn position(front: &[Vec3]) -> Vec<f32> {
-    let sum = front.iter().fold(Vec3::ZERO, |sum, point| sum + *point);
-    encoder::global_position(sum / front.len().max(1) as f32).to_vec()
+/// Centroid of a cloud in the canonical frame, in workspace units.
+pub fn normalized_centroid(canonical: &[Vec3]) -> Vec<f32> {
+    let sum = canonical.iter().fold(Vec3::ZERO, |sum, point| sum + *point);
+    encoder::normalized_position(sum / canonical.len().max(1) as f32).to_vec()
 }
 
-/// What decides a policy beside its weights.
+/// Observation and network of a policy.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct PolicyConfig {
-    /// What it is told.
-    pub observation: Observation,
-    /// What acts.
+    /// Observation of the object.
+    pub observation: ObservationKind,
+    /// Architecture and scales of the network.
     pub network: NetworkConfig,
 }
 
-/// Sizes and scales of a network.
+/// Architecture and scales of a network.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum NetworkConfig {
     /// A Neural Geometric Fabric.
     Ngf(NgfConfig),
     /// The baseline.
-    Mlp(BaselineConfig),
+    Mlp(AccelerationMlpConfig),
 }
 
-/// Names of the policies of the paper's §IV, and of one beyond it.
-pub const POLICIES: [&str; 5] = ["ngf-pcd", "ngf-pos", "mlp-pcd", "mlp-pos", "mlp-large-pcd"];
+/// Names of the policies of the paper's §IV, and of one beyond the paper.
+pub const POLICY_NAMES: [&str; 5] = ["ngf-pcd", "ngf-pos", "mlp-pcd", "mlp-pos", "mlp-large-pcd"];
 
 impl PolicyConfig {
-    /// A policy by its name in [`POLICIES`].
-    pub fn named(name: &str) -> Option<Self> {
-        let (network, told) = name.rsplit_once('-')?;
-        let observation = match told {
-            "pcd" => Observation::Cloud,
-            "pos" => Observation::Position,
+    /// The policy of a name in [`POLICY_NAMES`]; `None` for other names.
+    pub fn by_name(name: &str) -> Option<Self> {
+        let (network, suffix) = name.rsplit_once('-')?;
+        let observation = match suffix {
+            "pcd" => ObservationKind::Cloud,
+            "pos" => ObservationKind::Position,
             _ => return None,
         };
         let network = match network {
             "ngf" => NetworkConfig::Ngf(NgfConfig {
-                // A position is three numbers of order one, not 32.
-                latent_scale: if observation == Observation::Position { 2.0 } else { 16.0 },
+                // A position has three values of order one, z has 32.
+                latent_scale: if observation == ObservationKind::Position { 2.0 } else { 16.0 },
                 ..NgfConfig::paper()
             }),
-            "mlp" => NetworkConfig::Mlp(BaselineConfig::paper()),
-            "mlp-large" => NetworkConfig::Mlp(BaselineConfig::large()),
+            "mlp" => NetworkConfig::Mlp(AccelerationMlpConfig::paper()),
+            "mlp-large" => NetworkConfig::Mlp(AccelerationMlpConfig::large()),
             _ => return None,
         };
         Some(Self { observation, network })
@@ -81,45 +81,47 @@ impl PolicyConfig {
     /// A small NGF for tests.
     pub fn tiny() -> Self {
         let network = NetworkConfig::Ngf(NgfConfig::tiny());
-        Self { observation: Observation::Cloud, network }
+        Self { observation: ObservationKind::Cloud, network }
     }
 }
 
-/// A policy, ready to run.
+/// The network of a policy, with its weights.
 #[derive(Clone, Debug)]
 pub enum Network {
     /// A Neural Geometric Fabric.
     Ngf(Ngf),
     /// The baseline.
-    Mlp(Baseline),
+    Mlp(AccelerationMlp),
 }
 
 impl Network {
-    /// Reads the weights.
+    /// Loads the weights.
     pub fn load(
         tensors: &Tensors,
         config: &PolicyConfig,
-        limits: &Limits,
+        limits: &JointLimits,
     ) -> Result<Self, WeightsError> {
-        let object = config.observation.size();
+        let observation_dim = config.observation.dim();
         Ok(match &config.network {
-            NetworkConfig::Ngf(ngf) => Self::Ngf(Ngf::load(tensors, ngf, object, limits)?),
-            NetworkConfig::Mlp(mlp) => Self::Mlp(Baseline::load(tensors, mlp, object, limits)?),
+            NetworkConfig::Ngf(ngf) => Self::Ngf(Ngf::load(tensors, ngf, observation_dim, limits)?),
+            NetworkConfig::Mlp(mlp) => {
+                Self::Mlp(AccelerationMlp::load(tensors, mlp, observation_dim, limits)?)
+            }
         })
     }
 
-    /// q̈ (rad/s²) at a state, for what is told of an object in front; `None` if it is not finite.
-    pub fn acceleration(&self, state: &JointState, object: &[f32]) -> Option<JointVector> {
+    /// q̈ (rad/s²) at a state and for an observation in the canonical frame; `None` if it is not finite.
+    pub fn acceleration(&self, state: &JointState, observation: &[f32]) -> Option<JointVector> {
         match self {
-            Self::Ngf(ngf) => ngf.acceleration(state, object),
-            Self::Mlp(mlp) => mlp.acceleration(state, object),
+            Self::Ngf(ngf) => ngf.acceleration(state, observation),
+            Self::Mlp(mlp) => mlp.acceleration(state, observation),
         }
     }
 
-    /// The fabric that acts at a state; `None` of another policy.
-    pub fn fabric(&self, state: &JointState, object: &[f32]) -> Option<Fabric> {
+    /// The neural fabric at a state; `None` for the baseline.
+    pub fn fabric(&self, state: &JointState, observation: &[f32]) -> Option<NeuralFabric> {
         match self {
-            Self::Ngf(ngf) => Some(ngf.outputs(state, object).fabric(&state.qd)),
+            Self::Ngf(ngf) => Some(ngf.outputs(state, observation).fabric(&state.qd)),
             Self::Mlp(_) => None,
         }
     }
@@ -128,37 +130,42 @@ impl Network {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fourier::FEATURES;
-    use crate::ngf::PARTS;
+    use crate::fourier::NUM_FEATURES;
+    use crate::ngf::SUBNETWORKS;
 
     #[test]
-    fn every_policy_has_a_configuration_that_is_read_back() {
-        for name in POLICIES {
-            let config = PolicyConfig::named(name).expect(name);
+    fn every_policy_configuration_round_trips_through_json() {
+        for name in POLICY_NAMES {
+            let config = PolicyConfig::by_name(name).expect(name);
             let text = serde_json::to_string(&config).unwrap();
             assert_eq!(serde_json::from_str::<PolicyConfig>(&text).unwrap(), config);
         }
-        assert!(PolicyConfig::named("ngf").is_none() && PolicyConfig::named("rnn-pcd").is_none());
+        assert!(
+            PolicyConfig::by_name("ngf").is_none() && PolicyConfig::by_name("rnn-pcd").is_none()
+        );
     }
 
     #[test]
-    fn the_large_baseline_has_as_many_weights_as_the_ngf() {
+    fn large_baseline_has_as_many_weights_as_the_ngf() {
         let weights = |widths: &[usize]| -> usize {
             widths.windows(2).map(|pair| (pair[0] + 1) * pair[1]).sum()
         };
-        let ngf: usize = PARTS.iter().map(|part| weights(&part.widths(&NgfConfig::paper()))).sum();
-        let large = weights(&BaselineConfig::large().widths(LATENT));
+        let ngf: usize = SUBNETWORKS
+            .iter()
+            .map(|subnetwork| weights(&subnetwork.widths(&NgfConfig::paper())))
+            .sum();
+        let large = weights(&AccelerationMlpConfig::large().widths(LATENT_DIM));
         assert!(large.abs_diff(ngf) < ngf / 100, "{large} against {ngf}");
-        let paper = BaselineConfig::paper().widths(LATENT);
+        let paper = AccelerationMlpConfig::paper().widths(LATENT_DIM);
         assert_eq!(paper, [78, 64, 256, 23]);
-        assert_eq!(BaselineConfig::large().widths(3)[0], FEATURES);
+        assert_eq!(AccelerationMlpConfig::large().widths(3)[0], NUM_FEATURES);
     }
 
     #[test]
-    fn the_position_is_the_middle_of_the_cloud_in_units_of_the_workspace() {
+    fn position_is_centroid_of_cloud_in_workspace_units() {
         let cloud = [Vec3::new(0.5, 0.0, -0.2), Vec3::new(0.9, 0.0, 0.0)];
         let wanted = [0.5, 0.0, 0.25];
-        for (got, wanted) in position(&cloud).iter().zip(wanted) {
+        for (got, wanted) in normalized_centroid(&cloud).iter().zip(wanted) {
             assert!((got - wanted).abs() < 1e-6, "{got} against {wanted}");
         }
     }

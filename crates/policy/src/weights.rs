@@ -1,24 +1,24 @@
-//! Weights from safetensors bytes: half or single precision, checked by name and shape.
+//! Loading of weights from safetensors: half or single precision, checked by name and shape.
 
 use half::f16;
 use safetensors::{Dtype, SafeTensors};
 use std::collections::HashMap;
 
-/// Why weights cannot be used.
+/// Why a model file cannot be loaded.
 #[derive(Debug, thiserror::Error)]
 pub enum WeightsError {
-    /// Not a safetensors file, or damaged.
-    #[error("the weights are not a safetensors file, or it is damaged: {0}")]
+    /// The file is not a safetensors file, or is damaged.
+    #[error("the file is damaged or is not a safetensors file: {0}")]
     Format(#[from] safetensors::SafeTensorError),
     /// A tensor is missing.
-    #[error("the weights lack the tensor {0}; they belong to another architecture")]
-    Missing(String),
+    #[error("missing tensor {0}: the weights belong to another architecture")]
+    MissingTensor(String),
     /// A tensor has another shape or type.
-    #[error("the tensor {name} should be {wanted:?} in f16 or f32, found {found:?} in {dtype:?}")]
+    #[error("tensor {name} must have shape {wanted:?} in f16 or f32; found {found:?} in {dtype:?}")]
     Shape {
-        /// Tensor name.
+        /// Name of the tensor.
         name: String,
-        /// Shape that is needed.
+        /// Expected shape.
         wanted: Vec<usize>,
         /// Shape in the file.
         found: Vec<usize>,
@@ -26,57 +26,63 @@ pub enum WeightsError {
         dtype: Dtype,
     },
     /// A value is not finite.
-    #[error("the tensor {0} holds a value that is not finite")]
+    #[error("tensor {0} has a value that is not finite")]
     NotFinite(String),
-    /// What the starts are said to be of does not fit them.
+    /// The stored object names do not match the start configurations.
     #[error(
-        "the file does not tell of which objects its starts are: {0}; write it again with `ngf train`"
+        "the object names of the start configurations are not valid: {0}; export the model again with `ngf train`"
     )]
-    Objects(String),
-    /// An attempt would begin where the robot cannot be.
-    #[error("start {0} is beyond the limits of the joints; write the model again with `ngf train`")]
-    Start(usize),
-    /// A value of the configuration cannot be used.
-    #[error("the model's configuration has {name} = {value}; write it again with `ngf train`")]
-    Setting {
-        /// Name of the value.
+    ObjectNames(String),
+    /// A start configuration exceeds the joint limits.
+    #[error(
+        "start configuration {0} exceeds the joint limits; export the model again with `ngf train`"
+    )]
+    StartBeyondLimits(usize),
+    /// A value of the configuration is invalid.
+    #[error(
+        "invalid model configuration: {name} = {value}; export the model again with `ngf train`"
+    )]
+    InvalidValue {
+        /// Name of the field or tensor.
         name: String,
-        /// The value.
+        /// The invalid value.
         value: String,
     },
-    /// Weights and starts mean something else.
-    #[error("the model is of version {found}, this program runs version {wanted}; train it again")]
+    /// The model has another version than this program.
+    #[error(
+        "the model has version {found}, but this program requires version {wanted}; train it again"
+    )]
     Version {
         /// Version of the model.
         found: u32,
-        /// Version that runs.
+        /// Required version.
         wanted: u32,
     },
-    /// The configuration beside the weights does not parse.
-    #[error("the model's configuration is not valid: {0}")]
+    /// The configuration file cannot be parsed.
+    #[error("invalid model configuration: {0}")]
     Config(#[from] serde_json::Error),
 }
 
-/// A parsed weights file.
+/// A parsed safetensors file.
 pub struct Tensors<'a> {
     tensors: SafeTensors<'a>,
-    notes: HashMap<String, String>,
+    metadata: HashMap<String, String>,
 }
 
 impl<'a> Tensors<'a> {
-    /// Parses the bytes; they are not copied.
+    /// Parses the bytes without copying them.
     pub fn parse(bytes: &'a [u8]) -> Result<Self, WeightsError> {
         let tensors = SafeTensors::deserialize(bytes)?;
         let (_, header) = SafeTensors::read_metadata(bytes)?;
-        Ok(Self { tensors, notes: header.metadata().clone().unwrap_or_default() })
+        Ok(Self { tensors, metadata: header.metadata().clone().unwrap_or_default() })
     }
 
-    /// A note in the file's header.
-    pub fn note(&self, name: &str) -> Option<&str> {
-        self.notes.get(name).map(String::as_str)
+    /// A metadata value of the file's header; `None` if the key is missing.
+    pub fn metadata(&self, name: &str) -> Option<&str> {
+        self.metadata.get(name).map(String::as_str)
     }
 
-    /// Values of a tensor in half precision, row-major; single precision is rounded to the nearest.
+    /// Values of a tensor in half precision, row-major; single precision is rounded to nearest.
     pub fn get_half(&self, name: &str, shape: &[usize]) -> Result<Vec<f16>, WeightsError> {
         let values: Vec<f16> = self.get(name, shape)?.into_iter().map(f16::from_f32).collect();
         if !values.iter().all(|x| x.is_finite()) {
@@ -88,7 +94,7 @@ impl<'a> Tensors<'a> {
     /// Values of a tensor in single precision, row-major.
     pub fn get(&self, name: &str, shape: &[usize]) -> Result<Vec<f32>, WeightsError> {
         let tensor =
-            self.tensors.tensor(name).map_err(|_| WeightsError::Missing(name.to_owned()))?;
+            self.tensors.tensor(name).map_err(|_| WeightsError::MissingTensor(name.to_owned()))?;
         let bytes = tensor.data();
         let values: Vec<f32> = match tensor.dtype() {
             Dtype::F16 if tensor.shape() == shape => {
@@ -116,7 +122,7 @@ impl<'a> Tensors<'a> {
     /// Shape of a tensor.
     pub fn shape(&self, name: &str) -> Result<Vec<usize>, WeightsError> {
         let tensor =
-            self.tensors.tensor(name).map_err(|_| WeightsError::Missing(name.to_owned()))?;
+            self.tensors.tensor(name).map_err(|_| WeightsError::MissingTensor(name.to_owned()))?;
         Ok(tensor.shape().to_vec())
     }
 }

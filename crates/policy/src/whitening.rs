@@ -1,62 +1,63 @@
-//! z in its principal axes, each of unit variance: what varies little counts as much as what varies much.
+//! Whitening of z: principal axes, each scaled to unit variance, so that all axes have equal weight.
 
-use crate::encoder::LATENT;
+use crate::encoder::LATENT_DIM;
 use crate::weights::{Tensors, WeightsError};
 
-/// An affine map of z and back.
+/// An affine map of z, and its inverse.
 #[derive(Clone, Debug)]
 pub struct Whitening {
     /// Mean of z.
     pub mean: Vec<f32>,
-    /// Principal axes, one a row, shape (LATENT, LATENT).
+    /// Principal axes as rows, shape (LATENT_DIM, LATENT_DIM).
     pub axes: Vec<f32>,
-    /// What counts as one along each axis.
+    /// Standard deviation along each axis.
     pub scale: Vec<f32>,
 }
 
 impl Whitening {
-    /// Leaves z as it is.
+    /// The identity map.
     pub fn identity() -> Self {
-        let axes = (0..LATENT * LATENT).map(|k| f32::from(k % (LATENT + 1) == 0)).collect();
-        Self { mean: vec![0.0; LATENT], axes, scale: vec![1.0; LATENT] }
+        let axes =
+            (0..LATENT_DIM * LATENT_DIM).map(|k| f32::from(k % (LATENT_DIM + 1) == 0)).collect();
+        Self { mean: vec![0.0; LATENT_DIM], axes, scale: vec![1.0; LATENT_DIM] }
     }
 
-    /// Reads `latent.mean`, `latent.axes` and `latent.scale`.
+    /// Loads `latent.mean`, `latent.axes` and `latent.scale`.
     pub fn load(tensors: &Tensors) -> Result<Self, WeightsError> {
-        let scale: Vec<f32> = tensors.get("latent.scale", &[LATENT])?;
-        // It divides.
+        let scale: Vec<f32> = tensors.get("latent.scale", &[LATENT_DIM])?;
+        // The scale is a divisor.
         if let Some(scale) = scale.iter().find(|scale| **scale <= 0.0) {
             let (name, value) = ("latent.scale".to_owned(), scale.to_string());
-            return Err(WeightsError::Setting { name, value });
+            return Err(WeightsError::InvalidValue { name, value });
         }
         Ok(Self {
-            mean: tensors.get("latent.mean", &[LATENT])?,
-            axes: tensors.get("latent.axes", &[LATENT, LATENT])?,
+            mean: tensors.get("latent.mean", &[LATENT_DIM])?,
+            axes: tensors.get("latent.axes", &[LATENT_DIM, LATENT_DIM])?,
             scale,
         })
     }
 
-    /// The names, shapes and values that [`Whitening::load`] reads.
+    /// Names, shapes and values of the tensors that [`Whitening::load`] reads.
     pub fn tensors(&self) -> [(&'static str, Vec<usize>, &[f32]); 3] {
         [
-            ("latent.mean", vec![LATENT], &self.mean),
-            ("latent.axes", vec![LATENT, LATENT], &self.axes),
-            ("latent.scale", vec![LATENT], &self.scale),
+            ("latent.mean", vec![LATENT_DIM], &self.mean),
+            ("latent.axes", vec![LATENT_DIM, LATENT_DIM], &self.axes),
+            ("latent.scale", vec![LATENT_DIM], &self.scale),
         ]
     }
 
-    /// z as the policy gets it.
+    /// Maps z of the encoder to whitened z.
     pub fn apply(&self, z: &[f32]) -> Vec<f32> {
         let centered: Vec<f32> = z.iter().zip(&self.mean).map(|(z, mean)| z - mean).collect();
         let along = |axis: &[f32]| axis.iter().zip(&centered).map(|(a, z)| a * z).sum::<f32>();
-        let axes = self.axes.chunks_exact(LATENT);
+        let axes = self.axes.chunks_exact(LATENT_DIM);
         axes.zip(&self.scale).map(|(axis, scale)| along(axis) / scale).collect()
     }
 
-    /// z as the encoder made it.
-    pub fn undo(&self, white: &[f32]) -> Vec<f32> {
+    /// Maps whitened z back to z of the encoder.
+    pub fn inverse(&self, white: &[f32]) -> Vec<f32> {
         let mut z = self.mean.clone();
-        let axes = self.axes.chunks_exact(LATENT);
+        let axes = self.axes.chunks_exact(LATENT_DIM);
         for ((axis, scale), white) in axes.zip(&self.scale).zip(white) {
             z.iter_mut().zip(axis).for_each(|(z, a)| *z += white * scale * a);
         }
@@ -69,25 +70,25 @@ mod tests {
     use super::*;
 
     #[test]
-    fn undoing_gives_back_what_was() {
+    fn inverse_restores_z() {
         let mut whitening = Whitening::identity();
-        // A turn in the plane of the first two entries.
+        // A rotation in the plane of the first two axes.
         let (sin, cos) = libm::sincosf(0.7);
         whitening.axes[..2].copy_from_slice(&[cos, sin]);
-        whitening.axes[LATENT..LATENT + 2].copy_from_slice(&[-sin, cos]);
-        whitening.mean = (0..LATENT).map(|i| libm::sinf(i as f32)).collect();
-        whitening.scale = (0..LATENT).map(|i| 0.1 + i as f32).collect();
-        let z: Vec<f32> = (0..LATENT).map(|i| libm::cosf(3.0 * i as f32)).collect();
+        whitening.axes[LATENT_DIM..LATENT_DIM + 2].copy_from_slice(&[-sin, cos]);
+        whitening.mean = (0..LATENT_DIM).map(|i| libm::sinf(i as f32)).collect();
+        whitening.scale = (0..LATENT_DIM).map(|i| 0.1 + i as f32).collect();
+        let z: Vec<f32> = (0..LATENT_DIM).map(|i| libm::cosf(3.0 * i as f32)).collect();
         let white = whitening.apply(&z);
         let wanted = cos * (z[0] - whitening.mean[0]) + sin * (z[1] - whitening.mean[1]);
-        assert!((white[0] * 0.1 - wanted).abs() < 1e-6, "the first axis is turned");
-        for (back, z) in whitening.undo(&white).iter().zip(&z) {
+        assert!((white[0] * 0.1 - wanted).abs() < 1e-6, "the first axis is rotated");
+        for (back, z) in whitening.inverse(&white).iter().zip(&z) {
             assert!((back - z).abs() < 1e-5, "{back} against {z}");
         }
     }
 
     #[test]
-    fn an_axis_without_spread_is_refused() {
+    fn axis_without_variance_is_rejected() {
         let mut whitening = Whitening::identity();
         let loaded = |whitening: &Whitening| {
             let tensors = whitening.tensors();

@@ -1,4 +1,4 @@
-//! The integrator that policy, expert and planner share (Eq. 6 and 7).
+//! Time integration shared by policy, expert and planner (Eq. 6 and 7).
 
 use crate::{JointState, JointVector};
 
@@ -7,9 +7,9 @@ pub fn step(state: &JointState, qdd: &JointVector, dt: f64) -> JointState {
     JointState { q: state.q + state.qd * dt + qdd * (0.5 * dt * dt), qd: state.qd + qdd * dt }
 }
 
-/// Root mean square of the jerk (rad/s³, norm over all joints) of accelerations that are `dt` (s) apart; 0 of fewer than
-/// two.
-pub fn jerk(accelerations: &[JointVector], dt: f64) -> f64 {
+/// Root mean square jerk (rad/s³, norm over all joints) of accelerations sampled every `dt` (s); 0 for fewer
+/// than two samples.
+pub fn rms_jerk(accelerations: &[JointVector], dt: f64) -> f64 {
     let pairs = accelerations.windows(2);
     let sum: f64 = pairs.clone().map(|pair| (pair[1] - pair[0]).norm_squared()).sum();
     libm::sqrt(sum / pairs.len().max(1) as f64) / dt
@@ -38,15 +38,15 @@ mod tests {
     }
 
     #[test]
-    fn a_steady_push_has_no_jerk_and_a_swaying_one_has() {
-        let sways = |i: usize| if i.is_multiple_of(2) { 1.0 } else { -1.0 };
-        let accelerations = |push: &dyn Fn(usize) -> f64| -> Vec<JointVector> {
-            (0..4).map(|i| JointVector::from_element(push(i))).collect()
+    fn rms_jerk_is_zero_for_constant_and_exact_for_alternating_acceleration() {
+        let alternating = |i: usize| if i.is_multiple_of(2) { 1.0 } else { -1.0 };
+        let accelerations = |value: &dyn Fn(usize) -> f64| -> Vec<JointVector> {
+            (0..4).map(|i| JointVector::from_element(value(i))).collect()
         };
-        assert_eq!(jerk(&accelerations(&|_| 1.0), 0.1), 0.0);
-        assert_eq!(jerk(&accelerations(&sways)[..1], 0.1), 0.0);
+        assert_eq!(rms_jerk(&accelerations(&|_| 1.0), 0.1), 0.0);
+        assert_eq!(rms_jerk(&accelerations(&alternating)[..1], 0.1), 0.0);
         let wanted = 2.0 * libm::sqrt(DOF as f64) / 0.1;
-        let found = jerk(&accelerations(&sways), 0.1);
+        let found = rms_jerk(&accelerations(&alternating), 0.1);
         assert!((found - wanted).abs() < 1e-9, "{found}, wanted {wanted}");
     }
 }

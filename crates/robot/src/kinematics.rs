@@ -1,25 +1,25 @@
-//! Forward kinematics, Jacobians, and the Jacobians' time derivative times velocity.
+//! Forward kinematics, Jacobians, and the product J̇q̇ of the Jacobian derivative and the joint velocity.
 
-use crate::tree::{Frame, Tree};
-use crate::{ARM, DOF, Isometry, JointVector, Vector, rotation};
+use crate::tree::{Frame, KinematicTree};
+use crate::{ARM_DOF, DOF, Isometry, JointVector, Vector, rotation};
 use nalgebra::SMatrix;
 
-/// Linear velocity of a point per joint velocity, shape (3, DOF).
+/// Jacobian of the linear velocity of a point, shape (3, DOF).
 pub type PointJacobian = SMatrix<f64, 3, DOF>;
 
-/// Where every body is for one joint position, in the world.
+/// Forward kinematics at one joint position, world frame.
 #[derive(Clone, Debug)]
 pub struct Kinematics<'a> {
-    tree: &'a Tree,
+    tree: &'a KinematicTree,
     /// Pose of each body.
     pub world_from_body: [Isometry; DOF + 1],
-    /// Unit axis of each joint; it passes through the origin of the body that it moves.
-    pub axes: [Vector; DOF],
+    /// Unit axis of each joint. It passes through the origin of the child body.
+    pub joint_axes: [Vector; DOF],
 }
 
-/// How every body moves for one joint velocity at zero joint acceleration.
+/// Velocities of all bodies for one joint velocity, and their accelerations at q̈ = 0.
 #[derive(Clone, Debug)]
-pub struct Motion<'a> {
+pub struct VelocityKinematics<'a> {
     kinematics: &'a Kinematics<'a>,
     bodies: [BodyMotion; DOF + 1],
 }
@@ -32,83 +32,83 @@ struct BodyMotion {
     angular_acceleration: Vector,
 }
 
-impl Tree {
-    /// Places every body for the joint position `q` (rad).
-    pub fn kinematics(&self, q: &JointVector) -> Kinematics<'_> {
+impl KinematicTree {
+    /// Computes the pose of every body at the joint position `q` (rad).
+    pub fn forward_kinematics(&self, q: &JointVector) -> Kinematics<'_> {
         let mut world_from_body = [Isometry::identity(); DOF + 1];
         let mut axes = [Vector::zeros(); DOF];
         for (i, joint) in self.joints.iter().enumerate() {
             let mut pose = world_from_body[joint.parent] * joint.parent_from_child;
             axes[i] = pose.rotation * joint.axis;
-            pose.rotation *= rotation::about(&joint.axis, q[i]);
+            pose.rotation *= rotation::from_axis_angle(&joint.axis, q[i]);
             world_from_body[i + 1] = pose;
         }
-        Kinematics { tree: self, world_from_body, axes }
+        Kinematics { tree: self, world_from_body, joint_axes: axes }
     }
 }
 
 impl<'a> Kinematics<'a> {
-    /// Pose of a frame in the world.
-    pub fn pose(&self, frame: &Frame) -> Isometry {
+    /// World pose of a frame.
+    pub fn frame_pose(&self, frame: &Frame) -> Isometry {
         self.world_from_body[frame.body] * frame.body_from_frame
     }
 
-    /// Pose of the palm in the world.
-    pub fn palm(&self) -> Isometry {
-        self.pose(&self.tree.palm)
+    /// World pose of the palm.
+    pub fn palm_pose(&self) -> Isometry {
+        self.frame_pose(&self.tree.palm)
     }
 
-    /// Centres of the fingertips in the world: index, middle, ring, thumb.
-    pub fn tips(&self) -> [Vector; crate::FINGERS] {
-        self.tree.tips.map(|tip| self.pose(&tip).translation.vector)
+    /// Fingertip centres (m), world frame: index, middle, ring, thumb.
+    pub fn fingertips(&self) -> [Vector; crate::NUM_FINGERS] {
+        self.tree.fingertips.map(|tip| self.frame_pose(&tip).translation.vector)
     }
 
-    /// Jacobian of a world point that is fixed to body `body`.
+    /// Linear Jacobian of the world point `point` fixed to `body`.
     pub fn point_jacobian(&self, body: usize, point: &Vector) -> PointJacobian {
         let mut jacobian = PointJacobian::zeros();
-        self.for_each_mover(body, |i| {
-            let arm = point - self.world_from_body[i + 1].translation.vector;
-            jacobian.set_column(i, &self.axes[i].cross(&arm));
+        self.for_each_ancestor(body, |i| {
+            let lever = point - self.world_from_body[i + 1].translation.vector;
+            jacobian.set_column(i, &self.joint_axes[i].cross(&lever));
         });
         jacobian
     }
 
-    /// Jacobian of the angular velocity of body `body`.
+    /// Angular Jacobian of `body`.
     pub fn angular_jacobian(&self, body: usize) -> PointJacobian {
         let mut jacobian = PointJacobian::zeros();
-        self.for_each_mover(body, |i| jacobian.set_column(i, &self.axes[i]));
+        self.for_each_ancestor(body, |i| jacobian.set_column(i, &self.joint_axes[i]));
         jacobian
     }
 
-    /// Twist of the palm per arm joint velocity: linear above angular, shape (6, ARM).
-    pub fn palm_jacobian(&self) -> SMatrix<f64, 6, ARM> {
+    /// Jacobian of the palm twist with respect to the arm joints: linear above angular, shape (6, ARM_DOF).
+    pub fn palm_jacobian(&self) -> SMatrix<f64, 6, ARM_DOF> {
         let body = self.tree.palm.body;
-        let linear = self.point_jacobian(body, &self.palm().translation.vector);
+        let linear = self.point_jacobian(body, &self.palm_pose().translation.vector);
         let angular = self.angular_jacobian(body);
         SMatrix::from_fn(|r, c| if r < 3 { linear[(r, c)] } else { angular[(r - 3, c)] })
     }
 
-    /// The motion of all bodies under the joint velocity `qd` (rad/s), with q̈ = 0.
-    pub fn motion(&'a self, qd: &JointVector) -> Motion<'a> {
+    /// Velocities and bias accelerations of all bodies at the joint velocity `qd` (rad/s), with q̈ = 0.
+    pub fn velocities(&'a self, qd: &JointVector) -> VelocityKinematics<'a> {
         let mut bodies = [BodyMotion::default(); DOF + 1];
         for (i, joint) in self.tree.joints.iter().enumerate() {
             let parent = bodies[joint.parent];
-            let arm = self.world_from_body[i + 1].translation.vector
+            let lever = self.world_from_body[i + 1].translation.vector
                 - self.world_from_body[joint.parent].translation.vector;
-            let spin = self.axes[i] * qd[i];
+            let rate = self.joint_axes[i] * qd[i];
             bodies[i + 1] = BodyMotion {
-                velocity: parent.velocity_at(&arm),
-                angular_velocity: parent.angular_velocity + spin,
-                acceleration: parent.acceleration_at(&arm),
-                // The axis turns with the parent.
+                velocity: parent.velocity_at(&lever),
+                angular_velocity: parent.angular_velocity + rate,
+                acceleration: parent.acceleration_at(&lever),
+                // The axis rotates with the parent body.
                 angular_acceleration: parent.angular_acceleration
-                    + parent.angular_velocity.cross(&spin),
+                    + parent.angular_velocity.cross(&rate),
             };
         }
-        Motion { kinematics: self, bodies }
+        VelocityKinematics { kinematics: self, bodies }
     }
 
-    fn for_each_mover(&self, body: usize, mut visit: impl FnMut(usize)) {
+    fn for_each_ancestor(&self, body: usize, mut visit: impl FnMut(usize)) {
         let mut at = body;
         while at > 0 {
             visit(at - 1);
@@ -117,53 +117,53 @@ impl<'a> Kinematics<'a> {
     }
 }
 
-impl Motion<'_> {
-    /// Velocity (m/s) of a world point that is fixed to `body`: J q̇.
+impl VelocityKinematics<'_> {
+    /// Velocity (m/s) of the world point `point` fixed to `body`: J q̇.
     pub fn velocity(&self, body: usize, point: &Vector) -> Vector {
-        self.bodies[body].velocity_at(&self.arm(body, point))
+        self.bodies[body].velocity_at(&self.lever(body, point))
     }
 
-    /// Angular velocity (rad/s) of `body`, world axes.
+    /// Angular velocity (rad/s) of `body`, world frame.
     pub fn angular_velocity(&self, body: usize) -> Vector {
         self.bodies[body].angular_velocity
     }
 
-    /// Acceleration (m/s²) of a world point that is fixed to `body` when q̈ = 0: J̇ q̇.
+    /// Acceleration (m/s²) of the world point `point` fixed to `body` at q̈ = 0: J̇ q̇.
     pub fn bias_acceleration(&self, body: usize, point: &Vector) -> Vector {
-        self.bodies[body].acceleration_at(&self.arm(body, point))
+        self.bodies[body].acceleration_at(&self.lever(body, point))
     }
 
-    fn arm(&self, body: usize, point: &Vector) -> Vector {
+    fn lever(&self, body: usize, point: &Vector) -> Vector {
         point - self.kinematics.world_from_body[body].translation.vector
     }
 }
 
 impl BodyMotion {
-    fn velocity_at(&self, arm: &Vector) -> Vector {
-        self.velocity + self.angular_velocity.cross(arm)
+    fn velocity_at(&self, lever: &Vector) -> Vector {
+        self.velocity + self.angular_velocity.cross(lever)
     }
 
-    fn acceleration_at(&self, arm: &Vector) -> Vector {
-        let centripetal = self.angular_velocity.cross(&self.angular_velocity.cross(arm));
-        self.acceleration + self.angular_acceleration.cross(arm) + centripetal
+    fn acceleration_at(&self, lever: &Vector) -> Vector {
+        let centripetal = self.angular_velocity.cross(&self.angular_velocity.cross(lever));
+        self.acceleration + self.angular_acceleration.cross(lever) + centripetal
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::join;
+    use crate::joint_vector;
     use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 
     fn sample(seed: u64) -> JointVector {
         JointVector::from_fn(|i, _| libm::sin(1.7 * i as f64 + 0.9 * seed as f64))
     }
 
-    /// The start of IsaacLab's hand (BSD-3) and the arm poses of FABRICS, IsaacLab and
-    /// IsaacGymEnvs: palm and tips as computed from those descriptions, metres.
+    /// Initial hand posture of IsaacLab (BSD-3) and arm postures of FABRICS, IsaacLab and IsaacGymEnvs. The
+    /// palm and fingertip positions (m) are computed from their robot descriptions.
     #[test]
-    fn published_poses_are_reproduced() {
-        let tree = Tree::iiwa7_allegro().unwrap();
+    fn kinematics_reproduces_published_poses() {
+        let tree = KinematicTree::iiwa7_allegro().unwrap();
         let hand = [
             0.0, 0.3, 0.3, 0.3, 0.0, 0.3, 0.3, 0.3, 0.0, 0.3, 0.3, 0.3, 1.5, 0.60147215,
             0.33795027, 0.60845138,
@@ -177,9 +177,9 @@ mod tests {
             ([-1.571, 1.571, 0.0, 1.376, 0.0, 1.485, 2.358], [-0.0001, -0.7444, 0.6939]),
         ];
         for (arm, palm) in arms {
-            let q = join(&arm, &hand);
-            let kinematics = tree.kinematics(&q);
-            let got = kinematics.palm().translation.vector;
+            let q = joint_vector(&arm, &hand);
+            let kinematics = tree.forward_kinematics(&q);
+            let got = kinematics.palm_pose().translation.vector;
             assert!((got - Vector::from(palm)).norm() < 2e-4, "palm {got}, wanted {palm:?}");
             let tips = [
                 [0.0586, 0.0536, 0.1143],
@@ -187,8 +187,8 @@ mod tests {
                 [0.0586, -0.0536, 0.1143],
                 [0.1147, -0.004, -0.0285],
             ];
-            for (tip, wanted) in kinematics.tips().iter().zip(tips) {
-                let got = kinematics.palm().inverse_transform_point(&(*tip).into()).coords;
+            for (tip, wanted) in kinematics.fingertips().iter().zip(tips) {
+                let got = kinematics.palm_pose().inverse_transform_point(&(*tip).into()).coords;
                 assert!((got - Vector::from(wanted)).norm() < 2e-4, "tip {got}, wanted {wanted:?}");
             }
         }
@@ -196,13 +196,15 @@ mod tests {
 
     #[test]
     fn jacobian_agrees_with_central_differences() {
-        let tree = Tree::iiwa7_allegro().unwrap();
+        let tree = KinematicTree::iiwa7_allegro().unwrap();
         let h = 1e-6;
         for seed in 0..4 {
             let q = sample(seed);
-            for frame in tree.tips {
-                let point = |q: &JointVector| tree.kinematics(q).pose(&frame).translation.vector;
-                let jacobian = tree.kinematics(&q).point_jacobian(frame.body, &point(&q));
+            for frame in tree.fingertips {
+                let point = |q: &JointVector| {
+                    tree.forward_kinematics(q).frame_pose(&frame).translation.vector
+                };
+                let jacobian = tree.forward_kinematics(&q).point_jacobian(frame.body, &point(&q));
                 for i in 0..DOF {
                     let mut dq = JointVector::zeros();
                     dq[i] = h;
@@ -216,14 +218,16 @@ mod tests {
 
     #[test]
     fn velocity_and_bias_agree_with_central_differences() {
-        let tree = Tree::iiwa7_allegro().unwrap();
+        let tree = KinematicTree::iiwa7_allegro().unwrap();
         let h = 1e-4;
         for seed in 0..4 {
             let (q, qd) = (sample(seed), sample(seed + 10));
-            let kinematics = tree.kinematics(&q);
-            let motion = kinematics.motion(&qd);
-            for frame in tree.tips {
-                let at = |t: f64| tree.kinematics(&(q + qd * t)).pose(&frame).translation.vector;
+            let kinematics = tree.forward_kinematics(&q);
+            let motion = kinematics.velocities(&qd);
+            for frame in tree.fingertips {
+                let at = |t: f64| {
+                    tree.forward_kinematics(&(q + qd * t)).frame_pose(&frame).translation.vector
+                };
                 let point = at(0.0);
                 let velocity = kinematics.point_jacobian(frame.body, &point) * qd;
                 assert!((motion.velocity(frame.body, &point) - velocity).norm() < 1e-12);
@@ -235,14 +239,17 @@ mod tests {
     }
 
     #[test]
-    fn palm_jacobian_gives_the_palm_twist() {
-        let tree = Tree::iiwa7_allegro().unwrap();
+    fn palm_jacobian_agrees_with_central_differences() {
+        let tree = KinematicTree::iiwa7_allegro().unwrap();
         let (q, h) = (sample(3), 1e-6);
-        let jacobian = tree.kinematics(&q).palm_jacobian();
-        for i in 0..ARM {
+        let jacobian = tree.forward_kinematics(&q).palm_jacobian();
+        for i in 0..ARM_DOF {
             let mut dq = JointVector::zeros();
             dq[i] = h;
-            let (a, b) = (tree.kinematics(&(q - dq)).palm(), tree.kinematics(&(q + dq)).palm());
+            let (a, b) = (
+                tree.forward_kinematics(&(q - dq)).palm_pose(),
+                tree.forward_kinematics(&(q + dq)).palm_pose(),
+            );
             let linear = (b.translation.vector - a.translation.vector) / (2.0 * h);
             let angular = rotation::log(&(b.rotation * a.rotation.inverse())) / (2.0 * h);
             for r in 0..3 {

@@ -1,38 +1,38 @@
-//! The 23 joints: a KUKA LBR iiwa 7 arm with an Allegro right hand.
+//! Robot model: a KUKA LBR iiwa 7 arm with an Allegro right hand, 23 joints in total.
 //!
-//! Joint space is double precision (`JointVector`, rad); positions are metres in the robot's base
-//! frame, which is the world. Knows nothing of physics, tasks or networks.
+//! Joint space is double precision (`JointVector`, rad). Positions are in metres in the robot's base frame,
+//! which is the world frame. Independent of physics, tasks and networks.
 
+pub mod collision_shapes;
+pub mod collision_spheres;
 pub mod ik;
 pub mod integrator;
 pub mod kinematics;
 pub mod limits;
 pub mod rotation;
-pub mod solids;
-pub mod spheres;
 pub mod spline;
 pub mod tree;
 mod urdf;
 
 pub use kinematics::Kinematics;
-pub use limits::Limits;
-pub use tree::Tree;
+pub use limits::JointLimits;
+pub use tree::KinematicTree;
 pub use urdf::UrdfError;
 
-/// Joints of the arm; they come first in every joint vector.
-pub const ARM: usize = 7;
-/// Joints of the hand: index, middle, ring, thumb, four each.
-pub const HAND: usize = 16;
-/// All joints.
-pub const DOF: usize = ARM + HAND;
-/// Fingers, the thumb last.
-pub const FINGERS: usize = 4;
+/// Number of arm joints. They come first in every joint vector.
+pub const ARM_DOF: usize = 7;
+/// Number of hand joints: four each for index, middle, ring and thumb.
+pub const HAND_DOF: usize = 16;
+/// Number of joints of arm and hand.
+pub const DOF: usize = ARM_DOF + HAND_DOF;
+/// Number of fingers, including the thumb, which comes last.
+pub const NUM_FINGERS: usize = 4;
 
-/// One value per joint.
+/// A vector with one value per joint, arm joints first.
 pub type JointVector = nalgebra::SVector<f64, DOF>;
-/// A metric or other bilinear form over joints, shape (DOF, DOF).
+/// A metric or another bilinear form on joint space, shape (DOF, DOF).
 pub type JointMatrix = nalgebra::SMatrix<f64, DOF, DOF>;
-/// A rigid transform in double precision; `world_from_palm` maps palm coordinates to the world.
+/// A rigid transform in double precision; `world_from_palm` maps palm coordinates to world coordinates.
 pub type Isometry = nalgebra::Isometry3<f64>;
 /// A vector or point in double precision (m).
 pub type Vector = nalgebra::Vector3<f64>;
@@ -40,30 +40,30 @@ pub type Vector = nalgebra::Vector3<f64>;
 /// Position and velocity of all joints.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JointState {
-    /// q (rad).
+    /// Joint positions q (rad).
     pub q: JointVector,
-    /// q̇ (rad/s).
+    /// Joint velocities q̇ (rad/s).
     pub qd: JointVector,
 }
 
 impl JointState {
-    /// At rest in `q`.
+    /// State at position `q` (rad) with zero velocity.
     pub fn at_rest(q: JointVector) -> Self {
         Self { q, qd: JointVector::zeros() }
     }
 }
 
-/// Joins seven arm values and sixteen hand values to one joint vector.
-pub fn join(arm: &[f64; ARM], hand: &[f64; HAND]) -> JointVector {
-    JointVector::from_fn(|i, _| if i < ARM { arm[i] } else { hand[i - ARM] })
+/// Concatenates 7 arm values and 16 hand values to a joint vector.
+pub fn joint_vector(arm: &[f64; ARM_DOF], hand: &[f64; HAND_DOF]) -> JointVector {
+    JointVector::from_fn(|i, _| if i < ARM_DOF { arm[i] } else { hand[i - ARM_DOF] })
 }
 
-/// The hand's share of a joint vector.
-pub fn hand_of(q: &JointVector) -> [f64; HAND] {
-    std::array::from_fn(|i| q[ARM + i])
+/// Extracts the hand joints of a joint vector.
+pub fn hand_joints(q: &JointVector) -> [f64; HAND_DOF] {
+    std::array::from_fn(|i| q[ARM_DOF + i])
 }
 
-/// The arm's share of a joint vector.
-pub fn arm_of(q: &JointVector) -> [f64; ARM] {
+/// Extracts the arm joints of a joint vector.
+pub fn arm_joints(q: &JointVector) -> [f64; ARM_DOF] {
     std::array::from_fn(|i| q[i])
 }

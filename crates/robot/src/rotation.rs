@@ -1,28 +1,31 @@
-//! Rotations from angles, and the cast to single precision.
+//! Rotations from angles, and conversions between single and double precision.
 //!
-//! Sine and cosine come from `libm`, so that they have the same bits natively and in the browser.
+//! Sine and cosine use `libm`, so that results are bit-identical natively and in the browser.
 
 use crate::{Isometry, Vector};
 use geometry::{Pose, Vec3};
 use nalgebra::{Quaternion, UnitQuaternion};
 
-/// The rotation by `angle` (rad) about `axis`, which must have unit length.
-pub fn about(axis: &Vector, angle: f64) -> UnitQuaternion<f64> {
+/// Rotation by `angle` (rad) about the unit vector `axis`.
+pub fn from_axis_angle(axis: &Vector, angle: f64) -> UnitQuaternion<f64> {
     let (sin, cos) = libm::sincos(0.5 * angle);
     UnitQuaternion::new_unchecked(Quaternion::from_parts(cos, axis * sin))
 }
 
-/// The turn by `angle` (rad) about the robot's vertical axis, that of its first joint.
-pub fn about_vertical(angle: f64) -> Isometry {
-    Isometry::from_parts(Vector::zeros().into(), about(&Vector::z(), angle))
+/// Rotation by `angle` (rad) about the vertical axis through the base origin, which is the first joint's
+/// axis.
+pub fn rotation_z(angle: f64) -> Isometry {
+    Isometry::from_parts(Vector::zeros().into(), from_axis_angle(&Vector::z(), angle))
 }
 
-/// Fixed-axis roll, pitch, yaw as URDF means them: R = Rz(yaw) Ry(pitch) Rx(roll).
+/// Rotation from fixed-axis roll, pitch, yaw in the URDF convention: R = Rz(yaw) Ry(pitch) Rx(roll).
 pub fn from_rpy(rpy: [f64; 3]) -> UnitQuaternion<f64> {
-    about(&Vector::z(), rpy[2]) * about(&Vector::y(), rpy[1]) * about(&Vector::x(), rpy[0])
+    from_axis_angle(&Vector::z(), rpy[2])
+        * from_axis_angle(&Vector::y(), rpy[1])
+        * from_axis_angle(&Vector::x(), rpy[0])
 }
 
-/// The rotation vector (rad) that takes the identity to `rotation`, length at most pi.
+/// Rotation vector (rad) of `rotation`, with length 0 to π.
 pub fn log(rotation: &UnitQuaternion<f64>) -> Vector {
     let q = if rotation.w < 0.0 { -rotation.into_inner() } else { rotation.into_inner() };
     let sin = q.imag().norm();
@@ -32,24 +35,25 @@ pub fn log(rotation: &UnitQuaternion<f64>) -> Vector {
     q.imag() * (2.0 * libm::atan2(sin, q.w) / sin)
 }
 
-/// Angle between two rotations (rad), 0 to pi.
+/// Angle between two rotations (rad), 0 to π.
 pub fn angle_between(a: &UnitQuaternion<f64>, b: &UnitQuaternion<f64>) -> f64 {
     log(&(a.inverse() * b)).norm()
 }
 
-/// The cast from joint space to space: the only one of its kind.
+/// Converts a transform to single precision. This is the only conversion of poses from joint space to
+/// physics.
 pub fn to_pose(transform: &Isometry) -> Pose {
     let q = &transform.rotation;
     let rotation = glamx::Quat::from_xyzw(q.i as f32, q.j as f32, q.k as f32, q.w as f32);
     Pose::from_parts(to_vec3(&transform.translation.vector), rotation.normalize())
 }
 
-/// Casts a vector to single precision.
+/// Converts a vector to single precision.
 pub fn to_vec3(v: &Vector) -> Vec3 {
     Vec3::new(v.x as f32, v.y as f32, v.z as f32)
 }
 
-/// Casts a pose to double precision; its rotation is normalised anew.
+/// Converts a pose to double precision and renormalizes its rotation.
 pub fn to_isometry(pose: &Pose) -> Isometry {
     let (t, r) = (pose.translation, pose.rotation);
     let rotation = UnitQuaternion::new_normalize(Quaternion::new(
@@ -58,7 +62,7 @@ pub fn to_isometry(pose: &Pose) -> Isometry {
     Isometry::from_parts(to_vector(t).into(), rotation)
 }
 
-/// Casts a vector to double precision.
+/// Converts a vector to double precision.
 pub fn to_vector(v: Vec3) -> Vector {
     Vector::new(v.x as f64, v.y as f64, v.z as f64)
 }
@@ -68,17 +72,17 @@ mod tests {
     use super::*;
 
     #[test]
-    fn log_inverts_rotation_about_an_axis() {
+    fn log_inverts_from_axis_angle() {
         let axis = Vector::new(1.0, -2.0, 0.5).normalize();
         for angle in [-3.1, -1.0, -1e-9, 0.0, 1e-9, 0.7, 3.1] {
-            let got = log(&about(&axis, angle));
+            let got = log(&from_axis_angle(&axis, angle));
             assert!((got - axis * angle).norm() < 1e-12, "angle {angle}: {got}");
         }
     }
 
     #[test]
-    fn rpy_turns_the_axes_as_urdf_says() {
-        // Roll by 90 degrees takes y to z; a yaw of 90 degrees then takes x to y.
+    fn from_rpy_follows_the_urdf_convention() {
+        // A roll of 90 degrees maps y to z; a yaw of 90 degrees then maps x to y.
         let r = from_rpy([std::f64::consts::FRAC_PI_2, 0.0, std::f64::consts::FRAC_PI_2]);
         assert!((r * Vector::y() - Vector::z()).norm() < 1e-15);
         assert!((r * Vector::x() - Vector::y()).norm() < 1e-15);

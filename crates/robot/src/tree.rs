@@ -1,48 +1,48 @@
-//! The kinematic tree: 24 rigid bodies, 23 revolute joints between them.
+//! Kinematic tree: 24 rigid bodies connected by 23 revolute joints.
 //!
-//! Links that a fixed joint ties to another become part of that link's body: the mount and the palm
-//! belong to the last arm body, each fingertip frame to its distal link.
+//! Links connected by fixed joints are merged into one body: mount and palm belong to the last arm body, and
+//! each fingertip frame belongs to its distal link.
 
-use crate::limits::Limits;
+use crate::limits::JointLimits;
 use crate::urdf::{self, UrdfError, UrdfLink};
-use crate::{ARM, DOF, FINGERS, Isometry, JointVector, Vector};
+use crate::{ARM_DOF, DOF, Isometry, JointVector, NUM_FINGERS, Vector};
 use nalgebra::Matrix3;
 use std::collections::BTreeMap;
 
-/// The robot's kinematics, inertia and collision shapes.
-#[derive(Clone, Debug)]
-pub struct Tree {
-    /// Joint i moves body i + 1; parents come before children.
+/// Kinematics, inertias and collision shapes of the robot.
+#[derive(Clone, Debug, serde::Serialize)]
+pub struct KinematicTree {
+    /// Joints in topological order: joint i moves body i + 1, and parents precede children.
     pub joints: Vec<Joint>,
-    /// Body 0 is the fixed base.
+    /// Rigid bodies; body 0 is the fixed base.
     pub bodies: Vec<Body>,
-    /// Every URDF link as a frame on a body.
+    /// Frame of every URDF link, by link name.
     pub frames: BTreeMap<String, Frame>,
     /// Limits of all joints.
-    pub limits: Limits,
-    /// The palm: x along its normal, y towards the index finger, z along the fingers.
+    pub limits: JointLimits,
+    /// Palm frame: x along the palm normal, y towards the index finger, z along the fingers.
     pub palm: Frame,
-    /// Centres of the four fingertips: index, middle, ring, thumb.
-    pub tips: [Frame; FINGERS],
+    /// Fingertip centres: index, middle, ring, thumb.
+    pub fingertips: [Frame; NUM_FINGERS],
 }
 
 /// A revolute joint.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, serde::Serialize)]
 pub struct Joint {
-    /// URDF name.
+    /// Name in the URDF.
     pub name: String,
     /// Index of the parent body.
     pub parent: usize,
     /// Pose of the child body in the parent body at q = 0.
     pub parent_from_child: Isometry,
-    /// Unit axis, child frame.
+    /// Unit rotation axis, child frame.
     pub axis: Vector,
 }
 
-/// A rigid body: one moving URDF link and all that is fixed to it.
-#[derive(Clone, Debug)]
+/// A rigid body: one moving URDF link with all links fixed to it.
+#[derive(Clone, Debug, serde::Serialize)]
 pub struct Body {
-    /// Name of the URDF link whose frame the body has.
+    /// Name of the moving URDF link, whose frame is the body frame.
     pub name: String,
     /// Mass (kg).
     pub mass: f64,
@@ -50,100 +50,100 @@ pub struct Body {
     pub com: Vector,
     /// Inertia about the centre of mass (kg m²), body axes.
     pub inertia: Matrix3<f64>,
-    /// Collision shapes.
-    pub shapes: Vec<Shape>,
+    /// Collision shapes, body frame.
+    pub shapes: Vec<CollisionShape>,
 }
 
 /// A frame fixed to a body.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, serde::Serialize)]
 pub struct Frame {
-    /// Body index.
+    /// Index of the body.
     pub body: usize,
-    /// Pose of the frame in the body.
+    /// Pose of the frame in the body frame.
     pub body_from_frame: Isometry,
 }
 
 /// A primitive collision shape.
-#[derive(Clone, Debug)]
-pub struct Shape {
-    /// URDF link that brought it.
+#[derive(Clone, Debug, serde::Serialize)]
+pub struct CollisionShape {
+    /// Name of the URDF link that defines the shape.
     pub link: String,
-    /// Pose in the body.
+    /// Pose in the body frame.
     pub origin: Isometry,
-    /// What it is; long axes run along z.
-    pub geometry: Geometry,
+    /// Type and size; the long axis is z.
+    pub primitive: Primitive,
 }
 
-/// Primitive solids, sizes in metres.
-#[derive(Clone, Copy, Debug)]
-pub enum Geometry {
-    /// A box by its half sizes.
+/// Primitive shapes, sizes in metres.
+#[derive(Clone, Copy, Debug, serde::Serialize)]
+pub enum Primitive {
+    /// A box.
     Box {
-        /// Half sizes along x, y, z.
-        half: Vector,
+        /// Half extents along x, y, z.
+        half_extents: Vector,
     },
     /// A cylinder along z.
     Cylinder {
         /// Radius.
         radius: f64,
-        /// Half of its length.
+        /// Half of the length.
         half_length: f64,
     },
     /// A cylinder along z with a hemisphere at each end.
     Capsule {
         /// Radius.
         radius: f64,
-        /// Half of the length of its axis, hemispheres not counted.
+        /// Half of the axis length, without the hemispheres.
         half_length: f64,
     },
 }
 
-impl Tree {
-    /// The robot of this project, from `assets/robot/iiwa7_allegro.urdf`.
+impl KinematicTree {
+    /// Loads the robot of this project from `assets/robot/iiwa7_allegro.urdf`.
     pub fn iiwa7_allegro() -> Result<Self, UrdfError> {
         Self::from_urdf(include_str!("../../../assets/robot/iiwa7_allegro.urdf"))
     }
 
-    /// Builds the tree from URDF text; the joints must be 7 of an arm and then 4 x 4 of a hand, with
-    /// links named `palm` and `index_tip`, `middle_tip`, `ring_tip`, `thumb_tip`.
+    /// Builds the tree from URDF text. It requires 7 arm joints followed by 4 x 4 hand joints, and links
+    /// named `palm`, `index_tip`, `middle_tip`, `ring_tip` and `thumb_tip`.
     pub fn from_urdf(text: &str) -> Result<Self, UrdfError> {
         let (links, joints) = urdf::parse(text)?;
         let mut link_of: BTreeMap<&str, &UrdfLink> =
             links.iter().map(|link| (link.name.as_str(), link)).collect();
-        let mut take = |name: &str| {
+        let mut take_link = |name: &str| {
             link_of
                 .remove(name)
                 .ok_or_else(|| UrdfError::Tree(format!("no unused link named {name}")))
         };
         let Some(root) = joints.first() else {
-            return Err(UrdfError::Tree("it has no joints".into()));
+            return Err(UrdfError::Tree("no joints".into()));
         };
 
         let mut frames = BTreeMap::new();
         let mut bodies = vec![Body::empty(&root.parent)];
-        bodies[0].attach(take(&root.parent)?, &Isometry::identity());
+        bodies[0].attach(take_link(&root.parent)?, &Isometry::identity());
         frames.insert(root.parent.clone(), Frame::origin_of(0));
-        let mut moving = Vec::new();
-        let mut rows = Vec::new();
+        let mut revolute = Vec::new();
+        let mut joint_limits = Vec::new();
         for joint in &joints {
             let Some(&parent) = frames.get(&joint.parent) else {
                 return Err(UrdfError::Tree(format!(
-                    "joint {} hangs on {}, which no earlier joint carries",
+                    "joint {}: parent {} is not the child of an earlier joint",
                     joint.name, joint.parent
                 )));
             };
-            let child = take(&joint.child)?;
+            let child = take_link(&joint.child)?;
             let origin = parent.body_from_frame * joint.origin;
-            let frame = match joint.motion {
+            let frame = match joint.axis_and_limits {
                 None => Frame { body: parent.body, body_from_frame: origin },
                 Some((axis, limits)) => {
-                    moving.push(Joint {
+                    revolute.push(Joint {
                         name: joint.name.clone(),
                         parent: parent.body,
                         parent_from_child: origin,
                         axis,
                     });
-                    rows.push(limits);
+                    joint_limits.push(limits);
                     bodies.push(Body::empty(&joint.child));
                     Frame::origin_of(bodies.len() - 1)
                 }
@@ -151,10 +151,10 @@ impl Tree {
             bodies[frame.body].attach(child, &frame.body_from_frame);
             frames.insert(joint.child.clone(), frame);
         }
-        if moving.len() != DOF {
+        if revolute.len() != DOF {
             return Err(UrdfError::Tree(format!(
-                "{DOF} moving joints wanted, {} found",
-                moving.len()
+                "expected {DOF} revolute joints, found {}",
+                revolute.len()
             )));
         }
         let frame = |name: &str| {
@@ -166,18 +166,18 @@ impl Tree {
         let palm = frame("palm")?;
         let tips =
             [frame("index_tip")?, frame("middle_tip")?, frame("ring_tip")?, frame("thumb_tip")?];
-        if palm.body != ARM {
-            return Err(UrdfError::Tree("the palm must be carried by the seventh joint".into()));
+        if palm.body != ARM_DOF {
+            return Err(UrdfError::Tree("the palm must be fixed to the child of joint 7".into()));
         }
-        let row = |k: usize| JointVector::from_fn(|i, _| rows[i][k]);
-        let limits = Limits {
-            lower: row(0),
-            upper: row(1),
-            velocity: row(2),
-            effort: row(3),
-            acceleration: row(4),
+        let column = |k: usize| JointVector::from_fn(|i, _| joint_limits[i][k]);
+        let limits = JointLimits {
+            lower: column(0),
+            upper: column(1),
+            velocity: column(2),
+            torque: column(3),
+            acceleration: column(4),
         };
-        Ok(Self { joints: moving, bodies, limits, palm, tips, frames })
+        Ok(Self { joints: revolute, bodies, limits, palm, fingertips: tips, frames })
     }
 }
 
@@ -198,32 +198,32 @@ impl Body {
         }
     }
 
-    /// Adds the mass and the shapes of a link that sits at `body_from_link`.
+    /// Adds mass, inertia and shapes of a link at the pose `body_from_link`.
     fn attach(&mut self, link: &UrdfLink, body_from_link: &Isometry) {
         let rotation = body_from_link.rotation.to_rotation_matrix();
         let com = body_from_link.transform_point(&link.com.into()).coords;
         let mass = self.mass + link.mass;
         if mass > 0.0 {
-            let joint_com = (self.com * self.mass + com * link.mass) / mass;
-            self.inertia = shifted(&self.inertia, self.mass, &(self.com - joint_com))
-                + shifted(
-                    &(rotation.matrix() * link.inertia * rotation.matrix().transpose()),
-                    link.mass,
-                    &(com - joint_com),
-                );
-            self.com = joint_com;
+            let combined_com = (self.com * self.mass + com * link.mass) / mass;
+            self.inertia =
+                parallel_axis_shift(&self.inertia, self.mass, &(self.com - combined_com))
+                    + parallel_axis_shift(
+                        &(rotation.matrix() * link.inertia * rotation.matrix().transpose()),
+                        link.mass,
+                        &(com - combined_com),
+                    );
+            self.com = combined_com;
             self.mass = mass;
         }
-        self.shapes.extend(
-            link.shapes
-                .iter()
-                .map(|shape| Shape { origin: body_from_link * shape.origin, ..shape.clone() }),
-        );
+        self.shapes.extend(link.shapes.iter().map(|shape| CollisionShape {
+            origin: body_from_link * shape.origin,
+            ..shape.clone()
+        }));
     }
 }
 
-/// Steiner's theorem: inertia about a point that lies `d` from the centre of mass.
-fn shifted(inertia: &Matrix3<f64>, mass: f64, d: &Vector) -> Matrix3<f64> {
+/// Parallel-axis theorem: inertia about a point at offset `d` (m) from the centre of mass.
+fn parallel_axis_shift(inertia: &Matrix3<f64>, mass: f64, d: &Vector) -> Matrix3<f64> {
     inertia + mass * (Matrix3::identity() * d.norm_squared() - d * d.transpose())
 }
 
@@ -232,27 +232,27 @@ mod tests {
     use super::*;
 
     #[test]
-    fn bodies_carry_the_whole_mass() {
-        let tree = Tree::iiwa7_allegro().unwrap();
+    fn bodies_have_the_total_mass_of_the_robot() {
+        let tree = KinematicTree::iiwa7_allegro().unwrap();
         let total: f64 = tree.bodies.iter().map(|body| body.mass).sum();
         assert_eq!(tree.bodies.len(), DOF + 1);
         assert!((total - 20.0912).abs() < 1e-4, "total mass {total}, wanted 20.0912 kg");
     }
 
     #[test]
-    fn inertias_are_possible() {
-        for body in Tree::iiwa7_allegro().unwrap().bodies {
+    fn inertias_satisfy_triangle_inequality() {
+        for body in KinematicTree::iiwa7_allegro().unwrap().bodies {
             let [a, b, c]: [f64; 3] = body.inertia.symmetric_eigenvalues().into();
             assert!(a > 0.0 && b > 0.0 && c > 0.0, "{}: {a} {b} {c}", body.name);
             let largest = a.max(b).max(c);
-            assert!(2.0 * largest < a + b + c, "{}: no mass has {a} {b} {c}", body.name);
+            assert!(2.0 * largest < a + b + c, "{}: not physical: {a} {b} {c}", body.name);
         }
     }
 
     #[test]
-    fn a_joint_moves_its_own_chain_only() {
-        let tree = Tree::iiwa7_allegro().unwrap();
-        let (index_tip, thumb_tip) = (tree.tips[0].body, tree.tips[3].body);
+    fn joint_moves_only_its_own_chain() {
+        let tree = KinematicTree::iiwa7_allegro().unwrap();
+        let (index_tip, thumb_tip) = (tree.fingertips[0].body, tree.fingertips[3].body);
         let moves = |joint: usize, body: usize| {
             let mut at = body;
             while at > joint + 1 {
@@ -260,14 +260,14 @@ mod tests {
             }
             at == joint + 1
         };
-        assert!(moves(0, index_tip) && moves(ARM, index_tip));
-        assert!(!moves(ARM, thumb_tip) && !moves(ARM, tree.palm.body));
+        assert!(moves(0, index_tip) && moves(ARM_DOF, index_tip));
+        assert!(!moves(ARM_DOF, thumb_tip) && !moves(ARM_DOF, tree.palm.body));
     }
 
     #[test]
-    fn bad_descriptions_say_where_and_why() {
+    fn invalid_urdf_is_rejected_with_location_and_cause() {
         let good = include_str!("../../../assets/robot/iiwa7_allegro.urdf");
-        let message = |text: &str| Tree::from_urdf(text).unwrap_err().to_string();
+        let message = |text: &str| KinematicTree::from_urdf(text).unwrap_err().to_string();
         assert!(message("<robot>").contains("XML"));
         assert!(message(&good.replace("effort=\"0.7\"", "")).contains("attribute effort"));
         assert!(

@@ -1,173 +1,185 @@
-//! Everything before the policy acts: the look, the start configuration, and a quintic spline in joint
-//! space that leads there (paper §IV).
+//! Planning before the policy starts: camera capture, start configuration, and a quintic spline in joint
+//! space to it (paper §IV).
 
 use crate::controller::Controller;
-use crate::library::Library;
-use crate::verdict::Failure;
-use crate::workcell::{RolloutError, Workcell};
-use geometry::object::Object;
+use crate::demonstration_library::DemonstrationLibrary;
+use crate::outcome::FailureReason;
+use crate::rollout_context::{RolloutContext, RolloutError};
 use geometry::{Pose, Vec3};
-use grasps::built_in::built_in;
+use grasps::catalog::catalog_grasps;
 use grasps::demonstration::{self, TrajectoryConfig};
 use grasps::grasp::Grasp;
-use grasps::sides::all_sides;
-use grasps::{Setting, lift, place};
-use policy::{Encoding, Model};
+use grasps::symmetry::expand_by_symmetry;
+use grasps::{PlacedObject, lift, object_poses};
+use objects::object::Object;
+use policy::{Model, Observation};
 use rand_chacha::ChaCha8Rng;
 use robot::{Isometry, JointState, JointVector, spline};
-use scene::config::CONTROL_PERIOD;
+use scene::config::CONTROL_DT;
 
-/// What is known when the approach is planned.
-pub(crate) struct Sight<'a> {
-    /// Where it happens.
-    pub(crate) workcell: &'a Workcell,
-    /// The object, of which a policy knows the cloud alone.
+/// Inputs of the approach planner.
+pub(crate) struct ApproachInputs<'a> {
+    /// Robot, sensor and model.
+    pub(crate) context: &'a RolloutContext,
+    /// The object. Policies have access to its point cloud only.
     pub(crate) object: &'a Object,
-    /// Its name.
-    pub(crate) name: &'a str,
-    /// Where it stands.
+    /// Name of the object.
+    pub(crate) object_name: &'a str,
+    /// Pose of the object, world frame.
     pub(crate) world_from_object: Pose,
-    /// What the camera saw, base frame.
+    /// Captured point cloud (m), base frame.
     pub(crate) cloud: &'a [Vec3],
-    /// Where the palm of the start configuration should be.
+    /// Desired palm pose of the start configuration, world frame.
     pub(crate) target: Isometry,
-    /// Where the robot is (rad).
+    /// Current joint position (rad).
     pub(crate) home: JointVector,
 }
 
-/// A planned approach.
+/// A planned approach, with the planned grasp if there is one.
 pub(crate) struct Approach {
-    /// States from home on; those of the planner lead into the grasp.
-    pub(crate) rows: Vec<JointState>,
-    /// How many of them come before the grasp.
-    pub(crate) ticks: usize,
-    /// What the policy is told of the object.
-    pub(crate) encoding: Option<Encoding>,
+    /// States from home to the start configuration; a planned grasp follows without a gap.
+    pub(crate) states: Vec<JointState>,
+    /// Number of states before the grasp.
+    pub(crate) approach_ticks: usize,
+    /// Observation of the object, the input of the policy.
+    pub(crate) observation: Option<Observation>,
 }
 
-impl Sight<'_> {
-    /// Plans the approach from `home`, or says why there is none.
+impl ApproachInputs<'_> {
+    /// Plans the approach from `home`, or returns the reason of the failure.
     pub(crate) fn plan(
         &self,
         controller: &Controller,
         rng: &mut ChaCha8Rng,
-    ) -> Result<Result<Approach, Failure>, RolloutError> {
+    ) -> Result<Result<Approach, FailureReason>, RolloutError> {
         match controller {
             Controller::Replay(recording) => {
-                let rows: Vec<JointState> = recording.rows.iter().skip(1).copied().collect();
-                let ticks = recording.marks.policy.unwrap_or(rows.len());
-                Ok(Ok(Approach { rows, ticks, encoding: None }))
+                let rows: Vec<JointState> = recording.states.iter().skip(1).copied().collect();
+                let ticks = recording.phase_starts.policy.unwrap_or(rows.len());
+                Ok(Ok(Approach { states: rows, approach_ticks: ticks, observation: None }))
             }
             Controller::Planner => {
-                let unknown = || RolloutError::NoGrasps(self.name.to_owned());
-                let set = built_in(self.name).ok_or_else(unknown)?;
-                self.demonstrated(&set.grasps, rng)
+                let unknown = || RolloutError::NoGrasps(self.object_name.to_owned());
+                let set = catalog_grasps(self.object_name).ok_or_else(unknown)?;
+                self.plan_demonstration(&set.grasps, rng)
             }
-            Controller::Found(grasps) => self.demonstrated(grasps, rng),
+            Controller::PlannedGrasps(grasps) => self.plan_demonstration(grasps, rng),
             Controller::Demonstration(states) if states.is_empty() => Err(RolloutError::NoStates),
-            Controller::Demonstration(states) => Ok(Ok(self.starting_at_home(states))),
-            Controller::Nearest(library) => self.played_back(library),
-            _ => self.looked_up(controller, rng),
+            Controller::Demonstration(states) => Ok(Ok(self.prepend_approach(states))),
+            Controller::Playback(library) => self.plan_playback(library),
+            _ => self.plan_for_policy(controller, rng),
         }
     }
 
-    /// The first demonstration that can be planned with one of these grasps.
-    fn demonstrated(
+    /// Plans a demonstration with the first of these grasps that is feasible.
+    fn plan_demonstration(
         &self,
         grasps: &[Grasp],
         rng: &mut ChaCha8Rng,
-    ) -> Result<Result<Approach, Failure>, RolloutError> {
-        let (robot, object, place) = (&self.workcell.robot, self.object, &self.world_from_object);
+    ) -> Result<Result<Approach, FailureReason>, RolloutError> {
+        let (robot, object, pose) = (&self.context.robot, self.object, &self.world_from_object);
         let config = TrajectoryConfig::standard();
-        let setting = Setting::new(robot, object, place);
-        for (_, posture) in setting.options(&all_sides(object, grasps)) {
-            let lift = lift::plan_after(&setting, &posture)?;
-            if !lift.is_some_and(|lift| lift::rises_enough(robot, &lift)) {
+        let placed = PlacedObject::new(robot, object, pose);
+        for (_, posture) in placed.reachable(&expand_by_symmetry(object, grasps)) {
+            let lift = lift::plan_from_grasp(&placed, &posture)?;
+            if !lift.is_some_and(|lift| lift::reaches_hold_height(robot, &lift)) {
                 continue;
             }
-            let palm = robot.tree.kinematics(&posture.touch).palm();
-            let region = &robot.config.target;
-            let above = demonstration::draw_target(region, &object.bounds, place, &palm, rng);
-            let found = demonstration::demonstrate(&setting, &posture, &above, &config);
-            let Ok(found) = found else { continue };
-            return Ok(Ok(self.starting_at_home(&found.states)));
+            let palm = robot.tree.forward_kinematics(&posture.grasp).palm_pose();
+            let region = &robot.config.pregrasp_region;
+            let target =
+                demonstration::sample_pregrasp_pose(region, &object.bounds, pose, &palm, rng);
+            let planned = demonstration::demonstrate(&placed, &posture, &target, &config);
+            let Ok(planned) = planned else { continue };
+            return Ok(Ok(self.prepend_approach(&planned.states)));
         }
-        Ok(Err(Failure::Unreachable))
+        Ok(Err(FailureReason::Unreachable))
     }
 
-    /// A spline to the first state of a demonstration, and then the demonstration.
-    fn starting_at_home(&self, states: &[JointState]) -> Approach {
-        let limits = &self.workcell.robot.tree.limits;
-        let mut rows = spline::quintic(&self.home, &states[0].q, limits, CONTROL_PERIOD);
+    /// Prepends a spline from home to the first state of a demonstration.
+    fn prepend_approach(&self, states: &[JointState]) -> Approach {
+        let limits = &self.context.robot.tree.limits;
+        let mut rows = spline::quintic(&self.home, &states[0].q, limits, CONTROL_DT);
         let ticks = rows.len();
         rows.extend(&states[1..]);
-        Approach { rows, ticks, encoding: None }
+        Approach { states: rows, approach_ticks: ticks, observation: None }
     }
 
-    /// What is seen, and the start configuration that the model looks up for it (paper §III-F).
-    fn start(&self) -> Result<Result<(&Model, Encoding, JointVector), Failure>, RolloutError> {
-        let model = self.workcell.model.as_ref().ok_or(RolloutError::NoModel)?;
-        let Some(seen) = model.observe(self.cloud) else { return Ok(Err(Failure::Unseen)) };
-        let start = model.starts.find(&seen, &self.target);
-        Ok(start.map(|start| (model, seen, start)).ok_or(Failure::Unreachable))
+    /// Observes the object and finds the start configuration in the model (paper §III-F).
+    fn find_start(
+        &self,
+    ) -> Result<Result<(&Model, Observation, JointVector), FailureReason>, RolloutError> {
+        let model = self.context.model.as_ref().ok_or(RolloutError::NoModel)?;
+        let Some(observation) = model.observe(self.cloud) else {
+            return Ok(Err(FailureReason::NotVisible));
+        };
+        let start = model.start_model.find(&observation, &self.target);
+        Ok(start.map(|start| (model, observation, start)).ok_or(FailureReason::Unreachable))
     }
 
-    /// The demonstration that begins there.
-    fn played_back(&self, library: &Library) -> Result<Result<Approach, Failure>, RolloutError> {
-        Ok(self.start()?.and_then(|(_, seen, start)| {
-            let states = library.from(&start, &seen).ok_or(Failure::Unreachable)?;
-            Ok(self.starting_at_home(&states))
+    /// Plans the demonstration that starts nearest to the start configuration.
+    fn plan_playback(
+        &self,
+        library: &DemonstrationLibrary,
+    ) -> Result<Result<Approach, FailureReason>, RolloutError> {
+        Ok(self.find_start()?.and_then(|(_, observation, start)| {
+            let states = library.nearest(&start, &observation).ok_or(FailureReason::Unreachable)?;
+            Ok(self.prepend_approach(&states))
         }))
     }
 
-    /// A spline to the start configuration, where the policy takes over.
-    fn looked_up(
+    /// Plans a spline to the start configuration, where the policy starts.
+    fn plan_for_policy(
         &self,
         controller: &Controller,
         rng: &mut ChaCha8Rng,
-    ) -> Result<Result<Approach, Failure>, RolloutError> {
-        let robot = &self.workcell.robot;
-        let (model, seen, start) = match self.start()? {
+    ) -> Result<Result<Approach, FailureReason>, RolloutError> {
+        let robot = &self.context.robot;
+        let (model, observation, start) = match self.find_start()? {
             Ok(found) => found,
             Err(failure) => return Ok(Err(failure)),
         };
-        let zero = || vec![0.0; model.observation.size()];
-        let encoding = match controller {
-            Controller::ZeroLatent => Encoding { z: zero(), ..seen },
+        let zero = || vec![0.0; model.observation_kind.dim()];
+        let observation = match controller {
+            Controller::ZeroLatent => Observation { latent: zero(), ..observation },
             Controller::ShuffledLatent => {
-                let [x, y, yaw] = place::random_pose(robot, rng);
-                let other = robot.config.upright(x, y, yaw);
-                let cloud = look(self.workcell, self.object, &other, rng);
-                let z = model.observe(&cloud).map_or_else(zero, |other| other.z);
-                Encoding { z, ..seen }
+                let [x, y, yaw] = object_poses::sample_planar_pose(robot, rng);
+                let other = robot.config.object_pose(x, y, yaw);
+                let cloud = capture_cloud(self.context, self.object, &other, rng);
+                let z = model.observe(&cloud).map_or_else(zero, |other| other.latent);
+                Observation { latent: z, ..observation }
             }
-            _ => seen,
+            _ => observation,
         };
-        let rows = spline::quintic(&self.home, &start, &robot.tree.limits, CONTROL_PERIOD);
-        Ok(Ok(Approach { ticks: rows.len(), rows, encoding: Some(encoding) }))
+        let rows = spline::quintic(&self.home, &start, &robot.tree.limits, CONTROL_DT);
+        Ok(Ok(Approach {
+            approach_ticks: rows.len(),
+            states: rows,
+            observation: Some(observation),
+        }))
     }
 }
 
-/// One noisy frame as a cloud.
-pub(crate) fn look(
-    workcell: &Workcell,
+/// Captures one noisy depth image and extracts its point cloud.
+pub(crate) fn capture_cloud(
+    context: &RolloutContext,
     object: &Object,
     world_from_object: &Pose,
     rng: &mut ChaCha8Rng,
 ) -> Vec<Vec3> {
-    let frame = workcell.eye.frame(&object.mesh, world_from_object, rng);
-    workcell.eye.cloud(&frame)
+    let frame = context.sensor.capture(&object.mesh, world_from_object, rng);
+    context.sensor.extract_cloud(&frame)
 }
 
-/// Fingers closed as far as they go, where the hand is.
-pub(crate) fn script(q: &JointVector, workcell: &Workcell) -> Vec<JointState> {
-    let limits = &workcell.robot.tree.limits;
+/// A spline that closes the fingers by 0.9 rad, or up to the joint limits, at a fixed palm.
+pub(crate) fn scripted_closing(q: &JointVector, context: &RolloutContext) -> Vec<JointState> {
+    let limits = &context.robot.tree.limits;
     let mut closed = *q;
-    for finger in 0..robot::FINGERS {
+    for finger in 0..robot::NUM_FINGERS {
         for joint in 1..4 {
-            let i = robot::ARM + 4 * finger + joint;
+            let i = robot::ARM_DOF + 4 * finger + joint;
             closed[i] = (q[i] + 0.9).min(limits.upper[i]);
         }
     }
-    spline::quintic(q, &closed, limits, CONTROL_PERIOD)
+    spline::quintic(q, &closed, limits, CONTROL_DT)
 }

@@ -1,304 +1,322 @@
-//! The attempt itself. A run is its seed: pose, sensor noise and target are drawn from it in this order.
+//! A grasp attempt. Object pose, sensor noise and start target are sampled from its seed, in this order.
 
-use crate::approach::{Sight, look};
+use crate::approach::{ApproachInputs, capture_cloud};
 use crate::controller::Controller;
-use crate::course::Moment;
-use crate::episode::{Episode, Marks, row_of, state_of_row};
-use crate::motion::{self, Motion};
+use crate::motion_metrics::{self, MotionMetrics};
+use crate::outcome::{ContactHistory, FailureReason, Outcome};
 use crate::phases::Phase;
-use crate::verdict::{Failure, Story, Verdict};
-use crate::workcell::{RolloutError, Workcell};
+use crate::recording::{AttemptRecording, PhaseStarts, from_row, to_row};
+use crate::rollout_context::{RolloutContext, RolloutError};
+use crate::telemetry::TelemetrySample;
 use geometry::Vec3;
-use geometry::object::Object;
-use grasps::{Robot, Setting, demonstration, place};
-use policy::{Encoding, Model};
+use grasps::{PlacedObject, RobotContext, demonstration, object_poses};
+use objects::object::Object;
+use policy::{Model, Observation};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use robot::{Isometry, JointState, integrator, rotation};
-use scene::config::{CONTROL_PERIOD, scene_hash};
-use scene::{Hold, Scene, Simulation};
+use scene::config::CONTROL_DT;
+use scene::scene_hash;
+use scene::{HoldMonitor, Scene, Simulation};
 use std::ops::RangeInclusive;
 
-/// An attempt in progress.
+/// A grasp attempt in progress.
 pub struct Attempt {
     pub(crate) scene: Scene,
     object: Object,
-    name: String,
+    object_name: String,
     pose: [f32; 3],
     seed: u64,
     pub(crate) controller: Controller,
     cloud: Vec<Vec3>,
-    pub(crate) encoding: Option<Encoding>,
-    pub(crate) state: JointState,
-    pub(crate) plan: std::vec::IntoIter<JointState>,
+    pub(crate) observation: Option<Observation>,
+    pub(crate) commanded: JointState,
+    pub(crate) planned_states: std::vec::IntoIter<JointState>,
     pub(crate) phase: Phase,
-    pub(crate) phase_ticks: usize,
+    pub(crate) ticks_in_phase: usize,
     pub(crate) resting_ticks: usize,
     pub(crate) approach_ticks: usize,
-    pub(crate) marks: Marks,
-    pub(crate) hold: Option<Hold>,
-    pub(crate) story: Story,
-    pub(crate) verdict: Option<Verdict>,
-    /// The world's hash at the verdict.
-    pub(crate) end: Option<String>,
-    pub(crate) is_pulled: bool,
-    pub(crate) was_pulled: bool,
+    pub(crate) phase_starts: PhaseStarts,
+    pub(crate) hold_monitor: Option<HoldMonitor>,
+    pub(crate) contact_history: ContactHistory,
+    pub(crate) outcome: Option<Outcome>,
+    /// Hash of the simulation state at the outcome (hex).
+    pub(crate) final_state_hash: Option<String>,
+    pub(crate) is_disturbed: bool,
+    pub(crate) was_disturbed: bool,
     targets: Vec<Vec<f64>>,
 }
 
-/// Nothing stands so far away (m), or is turned so often (rad).
-const FARTHEST: f32 = 100.0;
+/// Max absolute value of the object's coordinates (m) and yaw (rad).
+const MAX_COORDINATE: f32 = 100.0;
 
-/// Where an attempt puts the object if it is not told: x, y (m), yaw (rad).
-pub fn pose_of_seed(robot: &Robot, seed: u64) -> [f32; 3] {
-    drawn_pose(robot, seed).0
+/// Samples the object pose of a seed: x, y (m), yaw (rad).
+pub fn sample_object_pose(robot: &RobotContext, seed: u64) -> [f32; 3] {
+    sample_pose_with_rng(robot, seed).0
 }
 
-/// The pose is the first thing that an attempt draws; the rest follows from the same generator.
-pub(crate) fn drawn_pose(robot: &Robot, seed: u64) -> ([f32; 3], ChaCha8Rng) {
+/// Samples the object pose and returns the generator for all further samples of the attempt.
+pub(crate) fn sample_pose_with_rng(robot: &RobotContext, seed: u64) -> ([f32; 3], ChaCha8Rng) {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    (place::random_pose(robot, &mut rng), rng)
+    (object_poses::sample_planar_pose(robot, &mut rng), rng)
 }
 
 impl Attempt {
-    /// Draws the pose (unless given), takes the frame, encodes it, finds the start configuration.
-    pub fn begin(
-        workcell: &Workcell,
+    /// Samples the object pose (unless given), captures and encodes a cloud, and plans the approach.
+    pub fn new(
+        context: &RolloutContext,
         object: &Object,
         name: &str,
         pose: Option<[f32; 3]>,
         seed: u64,
         controller: Controller,
     ) -> Result<Self, RolloutError> {
-        let robot = &workcell.robot;
-        let (drawn, mut rng) = drawn_pose(robot, seed);
+        let robot = &context.robot;
+        let (drawn, mut rng) = sample_pose_with_rng(robot, seed);
         let pose = pose.unwrap_or(drawn);
-        if !pose.iter().all(|number| number.abs() < FARTHEST) {
+        if !pose.iter().all(|number| number.abs() < MAX_COORDINATE) {
             return Err(RolloutError::OffTheTable);
         }
-        let world_from_object = robot.config.upright(pose[0], pose[1], pose[2]);
-        let cloud = look(workcell, object, &world_from_object, &mut rng);
-        let nominal_palm = robot.tree.kinematics(&robot.nominal_towards(&world_from_object)).palm();
-        let (region, bounds) = (&robot.config.target, &object.bounds);
-        let target =
-            demonstration::draw_target(region, bounds, &world_from_object, &nominal_palm, &mut rng);
+        let world_from_object = robot.config.object_pose(pose[0], pose[1], pose[2]);
+        let cloud = capture_cloud(context, object, &world_from_object, &mut rng);
+        let nominal_palm =
+            robot.tree.forward_kinematics(&robot.nominal_facing(&world_from_object)).palm_pose();
+        let (region, bounds) = (&robot.config.pregrasp_region, &object.bounds);
+        let target = demonstration::sample_pregrasp_pose(
+            region,
+            bounds,
+            &world_from_object,
+            &nominal_palm,
+            &mut rng,
+        );
 
         let home = robot.config.home();
         let mut attempt = Self {
             scene: Scene::new(&robot.config, &robot.tree, object, &world_from_object, &home)?,
             object: object.clone(),
-            name: name.to_owned(),
+            object_name: name.to_owned(),
             pose,
             seed,
             controller,
             cloud,
-            encoding: None,
-            state: JointState::at_rest(home),
-            plan: Vec::new().into_iter(),
+            observation: None,
+            commanded: JointState::at_rest(home),
+            planned_states: Vec::new().into_iter(),
             phase: Phase::Approach,
-            phase_ticks: 0,
+            ticks_in_phase: 0,
             resting_ticks: 0,
             approach_ticks: 0,
-            marks: Marks::default(),
-            hold: None,
-            story: Story { start: world_from_object.translation, highest: 0.0, is_touched: false },
-            verdict: None,
-            end: None,
-            is_pulled: false,
-            was_pulled: false,
+            phase_starts: PhaseStarts::default(),
+            hold_monitor: None,
+            contact_history: ContactHistory {
+                start_position: world_from_object.translation,
+                max_height: 0.0,
+                was_touched: false,
+            },
+            outcome: None,
+            final_state_hash: None,
+            is_disturbed: false,
+            was_disturbed: false,
             targets: Vec::new(),
         };
-        attempt.targets.push(row_of(&attempt.state));
-        let sight = Sight {
-            workcell,
+        attempt.targets.push(to_row(&attempt.commanded));
+        let inputs = ApproachInputs {
+            context,
             object,
-            name,
+            object_name: name,
             world_from_object,
             cloud: &attempt.cloud,
             target,
             home,
         };
-        match sight.plan(&attempt.controller, &mut rng)? {
+        match inputs.plan(&attempt.controller, &mut rng)? {
             Ok(approach) => {
-                attempt.approach_ticks = approach.ticks;
-                attempt.encoding = approach.encoding;
-                attempt.plan = approach.rows.into_iter();
+                attempt.approach_ticks = approach.approach_ticks;
+                attempt.observation = approach.observation;
+                attempt.planned_states = approach.states.into_iter();
             }
             Err(failure) => attempt.fail(failure),
         }
-        attempt.end_replay();
+        attempt.finish_replay();
         Ok(attempt)
     }
 
-    /// One control period.
-    pub fn tick(&mut self, workcell: &Workcell) {
+    /// Advances the attempt by one control period.
+    pub fn step(&mut self, context: &RolloutContext) {
         if self.phase == Phase::Done {
             return;
         }
-        self.was_pulled |= self.is_pulled;
-        self.phase_ticks += 1;
-        let Some(next) = self.next_state(workcell) else { return };
-        self.scene.follow(&self.state, &next);
-        self.state = next;
-        self.targets.push(row_of(&next));
-        self.observe(workcell);
+        self.was_disturbed |= self.is_disturbed;
+        self.ticks_in_phase += 1;
+        let Some(next) = self.next_state(context) else { return };
+        self.scene.track(&self.commanded, &next);
+        self.commanded = next;
+        self.targets.push(to_row(&next));
+        self.update_phase(context);
     }
 
-    /// The commanded state after this tick; `None` once there is a verdict.
-    fn next_state(&mut self, workcell: &Workcell) -> Option<JointState> {
-        let planned = self.plan.next();
+    /// The next commanded state; `None` if the attempt has failed.
+    fn next_state(&mut self, context: &RolloutContext) -> Option<JointState> {
+        let planned = self.planned_states.next();
         let is_free = self.phase == Phase::Policy && planned.is_none();
         let next = match planned {
             Some(next) => next,
-            None if is_free => self.controlled(workcell)?,
-            None => JointState::at_rest(self.state.q),
+            None if is_free => self.policy_step(context)?,
+            None => JointState::at_rest(self.commanded.q),
         };
         Some(next)
     }
 
-    fn controlled(&mut self, workcell: &Workcell) -> Option<JointState> {
-        let Some((model, object)) = self.network(workcell) else {
-            return Some(JointState::at_rest(self.state.q));
+    fn policy_step(&mut self, context: &RolloutContext) -> Option<JointState> {
+        let Some((model, observation)) = self.active_network(context) else {
+            return Some(JointState::at_rest(self.commanded.q));
         };
         let state = match self.controller {
-            Controller::Measured => self.measured(),
-            _ => self.state,
+            Controller::PolicyMeasured => self.measured_state(),
+            _ => self.commanded,
         };
-        let Some(qdd) = object.acceleration(&model.network, &state) else {
-            self.fail(Failure::NotFinite);
+        let Some(qdd) = observation.acceleration(&model.network, &state) else {
+            self.fail(FailureReason::NotFinite);
             return None;
         };
-        let free = integrator::step(&state, &qdd, CONTROL_PERIOD);
-        Some(workcell.robot.tree.limits.stop(&free))
+        let next = integrator::step(&state, &qdd, CONTROL_DT);
+        Some(context.robot.tree.limits.clamp_state(&next))
     }
 
-    /// What is going on.
+    /// Current phase.
     pub fn phase(&self) -> Phase {
         self.phase
     }
 
-    /// How it ended, once it has.
-    pub fn verdict(&self) -> Option<Verdict> {
-        self.verdict
+    /// Outcome, after the end of the attempt.
+    pub fn outcome(&self) -> Option<Outcome> {
+        self.outcome
     }
 
-    /// Control periods so far.
+    /// Number of control periods so far.
     pub fn ticks(&self) -> usize {
         self.targets.len() - 1
     }
 
-    /// The world as it is now.
+    /// The simulated scene.
     pub fn scene(&self) -> &Scene {
         &self.scene
     }
 
-    /// The joints as they are.
-    fn measured(&self) -> JointState {
+    /// Measured joint state.
+    fn measured_state(&self) -> JointState {
         JointState { q: self.scene.joint_positions(), qd: self.scene.joint_velocities() }
     }
 
-    /// The commanded state.
-    pub fn commanded(&self) -> &JointState {
-        &self.state
+    /// Commanded joint state.
+    pub fn commanded_state(&self) -> &JointState {
+        &self.commanded
     }
 
-    /// The cloud that the camera saw, base frame.
+    /// Captured point cloud (m), base frame.
     pub fn cloud(&self) -> &[Vec3] {
         &self.cloud
     }
 
-    /// Pose of the object at the beginning: x, y (m), yaw (rad).
+    /// Initial pose of the object: x, y (m), yaw (rad).
     pub fn pose(&self) -> [f32; 3] {
         self.pose
     }
 
-    /// The seed that decides everything in it.
+    /// Seed of all random samples of the attempt.
     pub fn seed(&self) -> u64 {
         self.seed
     }
 
-    /// Hash of the present state, or of that at the verdict, hex.
+    /// Hash of the current state, or of the state at the outcome (hex).
     pub fn state_hash(&self) -> String {
         let now = || self.scene.state_hash().to_hex().to_string();
-        self.end.clone().unwrap_or_else(now)
+        self.final_state_hash.clone().unwrap_or_else(now)
     }
 
-    /// Ticks through to the verdict.
-    pub fn run(&mut self, workcell: &Workcell) -> Verdict {
+    /// Steps until there is an outcome.
+    pub fn run(&mut self, context: &RolloutContext) -> Outcome {
         loop {
-            if let Some(verdict) = self.verdict {
-                return verdict;
+            if let Some(outcome) = self.outcome {
+                return outcome;
             }
-            self.tick(workcell);
+            self.step(context);
         }
     }
 
-    /// Commanded states between start and lift; none if the controller did not come to act.
-    fn acted(&self) -> Vec<JointState> {
-        let rows = self.targets.get(self.acted_ticks()).unwrap_or_default();
-        rows.iter().map(|row| state_of_row(row)).collect()
+    /// Commanded states between start configuration and lift; empty if the policy phase was not reached.
+    fn policy_segment(&self) -> Vec<JointState> {
+        let rows = self.targets.get(self.policy_ticks()).unwrap_or_default();
+        rows.iter().map(|row| from_row(row)).collect()
     }
 
-    fn acted_ticks(&self) -> RangeInclusive<usize> {
-        self.approach_ticks..=self.marks.lift.unwrap_or(self.ticks())
+    fn policy_ticks(&self) -> RangeInclusive<usize> {
+        self.approach_ticks..=self.phase_starts.lift.unwrap_or(self.ticks())
     }
 
-    /// How the controller moved between start and lift, if it came to act.
-    pub fn motion(&self) -> Option<Motion> {
-        Motion::of(&self.acted())
+    /// Motion metrics between start configuration and lift; `None` if the policy phase was not reached.
+    pub fn motion_metrics(&self) -> Option<MotionMetrics> {
+        MotionMetrics::from_states(&self.policy_segment())
     }
 
-    /// Least distance (m) of the robot from the table and the object, as it stood at the beginning, between start and
-    /// 0.4 s before the first touch; at most 0.1. `None` if the controller did not come to act, or touched at once.
-    pub fn clearance(&self, workcell: &Workcell) -> Option<f32> {
+    /// Min distance (m) of the robot to the table and to the object at its initial pose, up to 0.1 m.
+    ///
+    /// The interval is from the start configuration to 0.4 s before the first contact. `None` if it is empty.
+    pub fn clearance(&self, context: &RolloutContext) -> Option<f32> {
         let [x, y, yaw] = self.pose;
-        let place = workcell.robot.config.upright(x, y, yaw);
-        motion::clearance(&Setting::new(&workcell.robot, &self.object, &place), &self.acted())
+        let world_from_object = context.robot.config.object_pose(x, y, yaw);
+        motion_metrics::clearance(
+            &PlacedObject::new(&context.robot, &self.object, &world_from_object),
+            &self.policy_segment(),
+        )
     }
 
-    /// Pose of the palm in the object, as it stood at the beginning, where the lift began; `None` if none did.
-    pub fn object_from_palm(&self, workcell: &Workcell) -> Option<Isometry> {
-        let row = self.targets.get(self.marks.lift?)?;
-        let robot = &workcell.robot;
+    /// Palm pose relative to the object's initial pose, at the start of the lift; `None` without a lift.
+    pub fn object_from_palm(&self, context: &RolloutContext) -> Option<Isometry> {
+        let row = self.targets.get(self.phase_starts.lift?)?;
+        let robot = &context.robot;
         let [x, y, yaw] = self.pose;
-        let world_from_object = rotation::to_isometry(&robot.config.upright(x, y, yaw));
-        let palm = robot.tree.kinematics(&state_of_row(row).q).palm();
+        let world_from_object = rotation::to_isometry(&robot.config.object_pose(x, y, yaw));
+        let palm = robot.tree.forward_kinematics(&from_row(row).q).palm_pose();
         Some(world_from_object.inverse() * palm)
     }
 
-    /// The model that acts, if one does, and what it is told of the object.
-    fn network<'a>(&'a self, workcell: &'a Workcell) -> Option<(&'a Model, &'a Encoding)> {
-        let known = workcell.model.as_ref().zip(self.encoding.as_ref());
-        known.filter(|_| self.controller.is_of_model())
+    /// The model and its observation, if the controller uses a network.
+    fn active_network<'a>(
+        &'a self,
+        context: &'a RolloutContext,
+    ) -> Option<(&'a Model, &'a Observation)> {
+        let network = context.model.as_ref().zip(self.observation.as_ref());
+        network.filter(|_| self.controller.uses_network())
     }
 
-    /// The moment after a tick, or the last one; a fabric acts between start and lift.
-    pub fn moment(&self, workcell: &Workcell, tick: usize) -> Moment {
-        let state = self.targets.get(tick).map_or(self.state, |row| state_of_row(row));
-        let acts = self.network(workcell).filter(|_| self.acted_ticks().contains(&tick));
-        Moment::of(&state, &workcell.robot.tree.limits, acts)
+    /// Telemetry at a tick, or at the last one. Fabric terms are available between start and lift.
+    pub fn telemetry_at(&self, context: &RolloutContext, tick: usize) -> TelemetrySample {
+        let state = self.targets.get(tick).map_or(self.commanded, |row| from_row(row));
+        let network = self.active_network(context).filter(|_| self.policy_ticks().contains(&tick));
+        TelemetrySample::new(&state, &context.robot.tree.limits, network)
     }
 
-    /// The moments between start and lift, a control period apart; none if the controller did not come to act.
-    pub fn course(&self, workcell: &Workcell) -> Vec<Moment> {
-        let ticks = self.acted_ticks().take_while(|tick| *tick < self.targets.len());
-        ticks.map(|tick| self.moment(workcell, tick)).collect()
+    /// Telemetry of each tick between start and lift; empty if the policy phase was not reached.
+    pub fn telemetry(&self, context: &RolloutContext) -> Vec<TelemetrySample> {
+        let ticks = self.policy_ticks().take_while(|tick| *tick < self.targets.len());
+        ticks.map(|tick| self.telemetry_at(context, tick)).collect()
     }
 
-    /// The recording so far.
-    pub fn episode(&self) -> Episode {
-        Episode {
-            scene: scene_hash(),
-            object: self.object.hash(),
-            name: self.name.clone(),
-            pose: self.pose,
+    /// Recording of the attempt so far.
+    pub fn recording(&self) -> AttemptRecording {
+        AttemptRecording {
+            scene_hash: scene_hash(),
+            object_hash: self.object.hash(),
+            object_name: self.object_name.clone(),
+            object_pose: self.pose,
             seed: self.seed,
             targets: self.targets.clone(),
-            policy_tick: self.marks.policy,
-            lift_tick: self.marks.lift,
-            hold_tick: self.marks.hold,
-            verdict: self.verdict,
-            state_hash: self.state_hash(),
+            policy_tick: self.phase_starts.policy,
+            lift_tick: self.phase_starts.lift,
+            hold_tick: self.phase_starts.hold,
+            outcome: self.outcome,
+            final_state_hash: self.state_hash(),
         }
     }
 }

@@ -1,49 +1,56 @@
-//! Who acts in an attempt.
+//! Controllers of an attempt.
 
-use crate::episode::Recording;
-use crate::library::Library;
+use crate::demonstration_library::DemonstrationLibrary;
+use crate::recording::RecordedTrajectory;
 use grasps::grasp::Grasp;
 use robot::JointState;
 use std::sync::Arc;
 
-/// Who moves the joints between start and lift.
+/// Source of the joint commands between start configuration and lift.
 #[derive(Clone, Debug)]
 pub enum Controller {
-    /// The learned policy, which integrates its own commanded state.
+    /// The learned policy. It integrates its own commanded state.
     Policy,
-    /// The learned policy told the joints as they are measured: Eq. 6 and 7 lead on from there.
-    Measured,
-    /// The learned policy with z of another object pose (`shuffled z` in the suite).
+    /// The learned policy on measured joint states: Eq. 6 and 7 integrate from the measured state.
+    PolicyMeasured,
+    /// The learned policy with z of another object pose (`shuffled z` in the comparison).
     ShuffledLatent,
-    /// The learned policy with z = 0 (`zero z` in the suite).
+    /// The learned policy with z = 0 (`zero z` in the comparison).
     ZeroLatent,
-    /// Fingers closed by script at the start configuration (`no policy` in the suite).
-    Script,
-    /// A demonstration planned for this pose, with knowledge of the object.
+    /// No policy: the fingers close at the start configuration (`no policy` in the comparison).
+    ScriptedClose,
+    /// A demonstration planned for this object pose, with full knowledge of the object.
     Planner,
-    /// The same with these grasps.
-    Found(Arc<Vec<Grasp>>),
-    /// A demonstration that was made for this pose.
+    /// As [`Controller::Planner`], with the given grasps.
+    PlannedGrasps(Arc<Vec<Grasp>>),
+    /// A precomputed demonstration for this object pose.
     Demonstration(Vec<JointState>),
-    /// The demonstration that begins where the policy would: play-back without a network (`play-back` in the suite).
-    Nearest(Arc<Library>),
-    /// A recorded attempt, row by row.
-    Replay(Recording),
+    /// The demonstration that starts nearest to the start configuration, without a network (`play-back`).
+    Playback(Arc<DemonstrationLibrary>),
+    /// A recorded attempt, replayed state by state.
+    Replay(RecordedTrajectory),
 }
 
 impl Controller {
-    /// Whether a network acts.
-    pub(crate) fn is_of_model(&self) -> bool {
-        matches!(self, Self::Policy | Self::Measured | Self::ShuffledLatent | Self::ZeroLatent)
+    /// Whether a network computes the commands.
+    pub(crate) fn uses_network(&self) -> bool {
+        matches!(
+            self,
+            Self::Policy | Self::PolicyMeasured | Self::ShuffledLatent | Self::ZeroLatent
+        )
     }
 
-    /// Whether the motion was planned before the attempt, its way to where it begins included.
+    /// Whether the whole motion is planned before the attempt, including the approach.
     pub(crate) fn is_planned(&self) -> bool {
-        matches!(self, Self::Planner | Self::Found(_) | Self::Demonstration(_) | Self::Nearest(_))
+        matches!(
+            self,
+            Self::Planner | Self::PlannedGrasps(_) | Self::Demonstration(_) | Self::Playback(_)
+        )
     }
 
-    /// Whether it was planned for this very object and pose, and its way kept off them.
-    pub(crate) fn knows_the_place(&self) -> bool {
-        self.is_planned() && !matches!(self, Self::Nearest(_))
+    /// Whether the motion is planned for this object and pose, and its approach avoids contact with the
+    /// object.
+    pub(crate) fn is_object_aware(&self) -> bool {
+        self.is_planned() && !matches!(self, Self::Playback(_))
     }
 }

@@ -1,36 +1,36 @@
-//! One attempt, tick by tick: look, approach, policy, lift, hold, verdict (paper §IV).
+//! Grasp attempt, stepped at the control rate: capture, approach, policy, lift, hold, outcome (paper §IV).
 //!
-//! In: an object, a seed, who controls. Out: a verdict and a state hash that are the same natively and
-//! in the browser. Knows no files, threads or clocks.
+//! In: an object, a seed, a controller. Out: an outcome and a state hash, bit-identical natively and in the
+//! browser. Independent of files, threads and clocks.
 
 mod approach;
 pub mod attempt;
+pub mod confidence;
 pub mod controller;
-pub mod course;
-pub mod demonstration;
-pub mod episode;
-pub mod interval;
-pub mod library;
-pub mod likeness;
-pub mod motion;
-mod onlooker;
-pub mod phases;
+pub mod demonstration_file;
+pub mod demonstration_library;
+pub mod familiarity;
 #[cfg(test)]
-mod samples;
-pub mod tape;
-pub mod verdict;
-pub mod workcell;
+mod fixtures;
+mod interaction;
+pub mod motion_metrics;
+pub mod outcome;
+pub mod phases;
+pub mod recording;
+pub mod replay_file;
+pub mod rollout_context;
+pub mod telemetry;
 
-pub use attempt::{Attempt, pose_of_seed};
+pub use attempt::{Attempt, sample_object_pose};
+pub use confidence::{clustered_wilson95, wilson95};
 pub use controller::Controller;
-pub use course::{Moment, TermNorms};
-pub use demonstration::Demonstration;
-pub use episode::Episode;
-pub use interval::{wilson95, wilson95_among};
-pub use library::Library;
-pub use likeness::Likeness;
-pub use motion::Motion;
+pub use demonstration_file::DemonstrationFile;
+pub use demonstration_library::DemonstrationLibrary;
+pub use familiarity::Familiarity;
+pub use motion_metrics::MotionMetrics;
+pub use outcome::{FailureReason, Outcome};
 pub use phases::Phase;
-pub use tape::Tape;
-pub use verdict::{Failure, Verdict};
-pub use workcell::{RolloutError, Workcell};
+pub use recording::AttemptRecording;
+pub use replay_file::ReplayFile;
+pub use rollout_context::{RolloutContext, RolloutError};
+pub use telemetry::{TelemetrySample, TermNorms};

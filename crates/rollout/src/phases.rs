@@ -1,179 +1,189 @@
-//! The phases of an attempt: when one gives way to the next, and how it ends.
+//! Phases of an attempt: their transitions and the outcome.
 
-use crate::approach::script;
+use crate::approach::scripted_closing;
 use crate::attempt::Attempt;
 use crate::controller::Controller;
-use crate::episode::Recording;
-use crate::verdict::{Failure, Verdict};
-use crate::workcell::Workcell;
+use crate::outcome::{FailureReason, Outcome};
+use crate::recording::RecordedTrajectory;
+use crate::rollout_context::RolloutContext;
 use grasps::lift;
 use robot::JointState;
-use scene::config::CONTROL_PERIOD;
-use scene::{Hold, Loss, Simulation};
+use scene::config::CONTROL_DT;
+use scene::{HoldFailure, HoldMonitor, Simulation};
 
-/// Distance (m) by which the object may move during the approach.
-const APPROACH_SHIFT: f32 = 0.01;
+/// Max displacement (m) of the object during the approach.
+const MAX_APPROACH_SHIFT: f32 = 0.01;
 
-/// What is going on.
+/// Phase of an attempt.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Phase {
-    /// The spline leads to the start configuration.
+    /// Spline to the start configuration.
     Approach,
-    /// The controller acts.
+    /// Motion of the controller.
     Policy,
-    /// The fabric lifts.
+    /// Lift by the planner's fabric.
     Lift,
-    /// The arm holds.
+    /// Hold at the lift height.
     Hold,
-    /// There is a verdict.
+    /// The attempt has an outcome.
     Done,
 }
 
 impl Attempt {
-    /// Looks at the world after a tick and moves on to the next phase when it is time.
-    pub(crate) fn observe(&mut self, workcell: &Workcell) {
-        let protocol = &workcell.robot.config.attempt;
-        self.story.highest = self.story.highest.max(self.scene.object_height());
+    /// Updates phase and outcome from the simulation state after a step.
+    pub(crate) fn update_phase(&mut self, context: &RolloutContext) {
+        let protocol = &context.robot.config.protocol;
+        self.contact_history.max_height =
+            self.contact_history.max_height.max(self.scene.object_height());
         if !self.scene.is_finite() {
-            return self.fail(Failure::NotFinite);
+            return self.fail(FailureReason::NotFinite);
         }
         let object = self.scene.object_pose().translation;
         match self.phase {
-            Phase::Approach | Phase::Policy if self.is_replay() => self.follow_marks(workcell),
+            Phase::Approach | Phase::Policy if self.is_replay() => self.replay_phases(context),
             Phase::Approach => {
-                let touching = self.scene.touching();
-                self.story.is_touched |= touching.hand || touching.arm;
-                let is_shifted = object.distance(self.story.start) > APPROACH_SHIFT;
-                if is_shifted && !self.controller.knows_the_place() {
-                    let is_touched = self.story.is_touched;
+                let touching = self.scene.contact_state();
+                self.contact_history.was_touched |= touching.hand || touching.arm;
+                let is_displaced =
+                    object.distance(self.contact_history.start_position) > MAX_APPROACH_SHIFT;
+                if is_displaced && !self.controller.is_object_aware() {
+                    let is_touched = self.contact_history.was_touched;
                     return self.fail(if is_touched {
-                        Failure::Collided
+                        FailureReason::Collided
                     } else {
-                        Failure::Shifted
+                        FailureReason::Disturbed
                     });
                 }
                 if self.controller.is_planned() {
-                    if self.phase_ticks >= self.approach_ticks {
-                        self.begin_policy();
+                    if self.ticks_in_phase >= self.approach_ticks {
+                        self.start_policy();
                     }
-                } else if self.plan.len() == 0 {
-                    self.begin_policy();
-                    if matches!(self.controller, Controller::Script) {
-                        self.plan = script(&self.state.q, workcell).into_iter();
+                } else if self.planned_states.len() == 0 {
+                    self.start_policy();
+                    if matches!(self.controller, Controller::ScriptedClose) {
+                        self.planned_states =
+                            scripted_closing(&self.commanded.q, context).into_iter();
                     }
                 }
             }
             Phase::Policy => {
-                let rests = self.state.qd.norm() < protocol.rest_speed && self.plan.len() == 0;
-                self.resting_ticks = if rests { self.resting_ticks + 1 } else { 0 };
-                let elapsed = self.phase_ticks as f64 * CONTROL_PERIOD;
-                let rested = self.resting_ticks as f64 * CONTROL_PERIOD >= protocol.rest_seconds;
-                if rested || elapsed >= protocol.policy_seconds && self.plan.len() == 0 {
-                    self.begin_lift(workcell);
+                let is_at_rest = self.commanded.qd.norm() < protocol.rest_speed
+                    && self.planned_states.len() == 0;
+                self.resting_ticks = if is_at_rest { self.resting_ticks + 1 } else { 0 };
+                let elapsed = self.ticks_in_phase as f64 * CONTROL_DT;
+                let has_rested = self.resting_ticks as f64 * CONTROL_DT >= protocol.rest_seconds;
+                if has_rested
+                    || elapsed >= protocol.policy_seconds && self.planned_states.len() == 0
+                {
+                    self.start_lift(context);
                 }
             }
-            Phase::Lift | Phase::Hold => self.judge(workcell),
+            Phase::Lift | Phase::Hold => self.check_hold(context),
             Phase::Done => {}
         }
-        self.end_replay();
+        self.finish_replay();
     }
 
     fn is_replay(&self) -> bool {
         matches!(self.controller, Controller::Replay(_))
     }
 
-    /// Moves on where the recorded attempt did.
-    fn follow_marks(&mut self, workcell: &Workcell) {
-        let Controller::Replay(Recording { marks, .. }) = &self.controller else { return };
-        let is_at = |mark: Option<usize>| mark.is_some_and(|tick| self.ticks() >= tick);
+    /// Starts phases at the recorded ticks.
+    fn replay_phases(&mut self, context: &RolloutContext) {
+        let Controller::Replay(RecordedTrajectory { phase_starts: marks, .. }) = &self.controller
+        else {
+            return;
+        };
+        let is_at = |start: Option<usize>| start.is_some_and(|tick| self.ticks() >= tick);
         if is_at(marks.lift) {
-            self.begin_lift(workcell);
+            self.start_lift(context);
         } else if is_at(marks.policy) && self.phase == Phase::Approach {
-            self.begin_policy();
+            self.start_policy();
         }
     }
 
-    /// At the end of what was recorded: what failed before the hold has nothing to judge, and its verdict is the
-    /// recorded one.
-    pub(crate) fn end_replay(&mut self) {
-        let Controller::Replay(Recording { verdict, .. }) = self.controller else { return };
-        let is_over = self.plan.len() == 0 && self.verdict.is_none();
-        if is_over && self.marks.hold.is_none() {
-            match verdict {
-                Some(Verdict::Failed { reason }) => self.fail(reason),
-                // That something was held is judged here, and a recording that was cut short does not show it.
-                Some(Verdict::Lifted { .. }) => {
+    /// Ends a replay. If the recorded attempt failed before the hold, its recorded outcome is used.
+    pub(crate) fn finish_replay(&mut self) {
+        let Controller::Replay(RecordedTrajectory { outcome, .. }) = self.controller else {
+            return;
+        };
+        let is_over = self.planned_states.len() == 0 && self.outcome.is_none();
+        if is_over && self.phase_starts.hold.is_none() {
+            match outcome {
+                Some(Outcome::Failed { reason }) => self.fail(reason),
+                // A replay evaluates the hold itself. A truncated recording does not show it.
+                Some(Outcome::Lifted { .. }) => {
                     let end = self.scene.object_pose().translation;
-                    self.fail(self.story.reason(end, Loss::Low));
+                    self.fail(self.contact_history.failure_reason(end, HoldFailure::TooLow));
                 }
                 None => {}
             }
         }
     }
 
-    fn begin_policy(&mut self) {
-        self.marks.policy = Some(self.ticks());
-        self.enter(Phase::Policy);
+    fn start_policy(&mut self) {
+        self.phase_starts.policy = Some(self.ticks());
+        self.enter_phase(Phase::Policy);
     }
 
-    fn begin_lift(&mut self, workcell: &Workcell) {
-        self.marks.lift = Some(self.ticks());
-        self.hold = Some(Hold::begin(&self.scene));
-        self.enter(Phase::Lift);
+    fn start_lift(&mut self, context: &RolloutContext) {
+        self.phase_starts.lift = Some(self.ticks());
+        self.hold_monitor = Some(HoldMonitor::new(&self.scene));
+        self.enter_phase(Phase::Lift);
         if self.is_replay() {
             return;
         }
-        let robot = &workcell.robot;
-        let start = JointState::at_rest(self.state.q);
+        let robot = &context.robot;
+        let start = JointState::at_rest(self.commanded.q);
         match lift::plan(&robot.config, &robot.tree, &start) {
             Ok(Some(rows)) => {
-                self.plan = rows.into_iter();
-                self.plan.next();
+                self.planned_states = rows.into_iter();
+                self.planned_states.next();
             }
-            _ => self.fail(Failure::NotFinite),
+            _ => self.fail(FailureReason::NotFinite),
         }
     }
 
-    fn judge(&mut self, workcell: &Workcell) {
-        let protocol = &workcell.robot.config.attempt;
-        let hold_ticks = (protocol.hold_seconds / CONTROL_PERIOD).round() as usize;
-        let Some(hold) = &mut self.hold else { return };
-        hold.observe(&self.scene);
+    fn check_hold(&mut self, context: &RolloutContext) {
+        let protocol = &context.robot.config.protocol;
+        let hold_ticks = (protocol.hold_seconds / CONTROL_DT).round() as usize;
+        let Some(hold) = &mut self.hold_monitor else { return };
+        hold.update(&self.scene);
         let slip = hold.slip;
-        let loss = hold.loss(&self.scene, protocol);
+        let failure = hold.failure(&self.scene, protocol);
         if self.phase == Phase::Lift {
             let is_up = match &self.controller {
-                Controller::Replay(recording) => Some(self.ticks()) == recording.marks.hold,
-                _ => self.plan.len() == 0,
+                Controller::Replay(recording) => Some(self.ticks()) == recording.phase_starts.hold,
+                _ => self.planned_states.len() == 0,
             };
             if is_up {
-                self.marks.hold = Some(self.ticks());
-                self.enter(Phase::Hold);
+                self.phase_starts.hold = Some(self.ticks());
+                self.enter_phase(Phase::Hold);
             }
             return;
         }
-        if let Some(loss) = loss {
+        if let Some(failure) = failure {
             let end = self.scene.object_pose().translation;
-            return self.fail(self.story.reason(end, loss));
+            return self.fail(self.contact_history.failure_reason(end, failure));
         }
-        if self.phase_ticks >= hold_ticks {
-            self.finish(Verdict::Lifted { slip });
+        if self.ticks_in_phase >= hold_ticks {
+            self.finish(Outcome::Lifted { slip });
         }
     }
 
-    fn enter(&mut self, phase: Phase) {
+    fn enter_phase(&mut self, phase: Phase) {
         self.phase = phase;
-        self.phase_ticks = 0;
+        self.ticks_in_phase = 0;
     }
 
-    pub(crate) fn fail(&mut self, reason: Failure) {
-        self.finish(Verdict::Failed { reason });
+    pub(crate) fn fail(&mut self, reason: FailureReason) {
+        self.finish(Outcome::Failed { reason });
     }
 
-    fn finish(&mut self, verdict: Verdict) {
-        self.verdict = Some(verdict);
-        self.end = Some(self.scene.state_hash().to_hex().to_string());
-        self.enter(Phase::Done);
+    fn finish(&mut self, outcome: Outcome) {
+        self.outcome = Some(outcome);
+        self.final_state_hash = Some(self.scene.state_hash().to_hex().to_string());
+        self.enter_phase(Phase::Done);
     }
 }

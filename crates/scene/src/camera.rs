@@ -1,35 +1,35 @@
-//! A depth camera by ray casting: it sees the object's mesh, the table and the robot, not their collision parts.
+//! Depth camera by ray casting. It renders the object's triangle mesh instead of its convex collision parts.
 
 use crate::config::{CameraConfig, SceneConfig, vec3};
-use geometry::mesh::Mesh;
 use geometry::{Pose, Vec3};
+use mesh::Mesh;
 use rapier3d::parry::bounding_volume::BoundingSphere;
 use rapier3d::parry::query::Ray;
 use rapier3d::parry::shape::{Cuboid, SharedShape, TriMesh};
-use robot::{JointVector, Tree, rotation};
+use robot::{JointVector, KinematicTree, rotation};
 
-/// Depth along the optical axis (m), row by row from the upper left; 0 where nothing was measured.
+/// Depth (m) along the optical axis, row-major from the upper left; 0 for pixels without a measurement.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DepthImage {
-    /// Pixels per row.
+    /// Width (pixels).
     pub width: usize,
-    /// Rows.
+    /// Height (pixels).
     pub height: usize,
-    /// One value per pixel.
+    /// Depth (m) of each pixel.
     pub depth: Vec<f32>,
 }
 
-/// A surface that the camera can see.
-pub struct Surface {
+/// A mesh or primitive shape that can be rendered.
+pub struct RenderMesh {
     shape: SharedShape,
-    world_from_surface: Pose,
-    sphere: BoundingSphere,
+    world_from_mesh: Pose,
+    bounding_sphere: BoundingSphere,
 }
 
-/// The camera in its place.
+/// A pinhole depth camera at a fixed pose.
 #[derive(Clone, Debug)]
 pub struct Camera {
-    /// Pose of the camera: x to the right, y down, z into the scene.
+    /// Pose of the camera: x to the right, y down, z along the optical axis.
     pub world_from_camera: Pose,
     width: usize,
     height: usize,
@@ -38,27 +38,27 @@ pub struct Camera {
     range: [f32; 2],
 }
 
-impl Surface {
-    /// A mesh in the world; `None` if it has no triangle.
-    pub fn of_mesh(mesh: &Mesh, world_from_mesh: &Pose) -> Option<Self> {
+impl RenderMesh {
+    /// A triangle mesh at the pose `world_from_mesh`; `None` if it has no triangles.
+    pub fn from_mesh(mesh: &Mesh, world_from_mesh: &Pose) -> Option<Self> {
         let mesh = TriMesh::new(mesh.vertices.clone(), mesh.triangles.clone()).ok()?;
         Some(Self::new(SharedShape::new(mesh), *world_from_mesh))
     }
 
-    /// The same elsewhere.
-    pub fn moved(&self, world_from_surface: &Pose) -> Self {
+    /// A copy at another pose.
+    pub fn at_pose(&self, world_from_surface: &Pose) -> Self {
         Self::new(self.shape.clone(), *world_from_surface)
     }
 
-    /// Table and robot standing in `q`: all that the camera sees besides the object.
-    pub fn of_surroundings(config: &SceneConfig, tree: &Tree, q: &JointVector) -> Vec<Self> {
-        let table = SharedShape::new(Cuboid::new(vec3(config.table.half)));
+    /// Table and robot at the joint position `q` (rad): the background of every frame.
+    pub fn background(config: &SceneConfig, tree: &KinematicTree, q: &JointVector) -> Vec<Self> {
+        let table = SharedShape::new(Cuboid::new(vec3(config.table.half_extents)));
         let center = Pose::from_translation(vec3(config.table.center));
         let mut surfaces = vec![Self::new(table, center)];
-        let kinematics = tree.kinematics(q);
+        let kinematics = tree.forward_kinematics(q);
         for (body, world_from_body) in tree.bodies.iter().zip(&kinematics.world_from_body) {
             for shape in &body.shapes {
-                let Some(solid) = shape.solid() else { continue };
+                let Some(solid) = shape.convex_shape() else { continue };
                 let world_from_solid = rotation::to_pose(world_from_body) * solid.pose;
                 surfaces.push(Self::new(solid.shape, world_from_solid));
             }
@@ -68,23 +68,25 @@ impl Surface {
 
     fn new(shape: SharedShape, world_from_surface: Pose) -> Self {
         let sphere = shape.compute_bounding_sphere(&world_from_surface);
-        Self { shape, world_from_surface, sphere }
+        Self { shape, world_from_mesh: world_from_surface, bounding_sphere: sphere }
     }
 
-    /// Distance along a ray with unit direction, if it hits within `reach`.
-    fn hit(&self, ray: &Ray, reach: f32) -> Option<f32> {
-        let offset = self.sphere.center - ray.origin;
+    /// Distance (m) to the hit along a ray with unit direction; `None` beyond `reach` (m).
+    fn cast_ray(&self, ray: &Ray, reach: f32) -> Option<f32> {
+        let offset = self.bounding_sphere.center - ray.origin;
         let along = offset.dot(ray.dir);
-        let aside = offset.length_squared() - along * along;
-        if aside > self.sphere.radius * self.sphere.radius || along < -self.sphere.radius {
+        let squared_offset = offset.length_squared() - along * along;
+        if squared_offset > self.bounding_sphere.radius * self.bounding_sphere.radius
+            || along < -self.bounding_sphere.radius
+        {
             return None;
         }
-        self.shape.cast_ray(&self.world_from_surface, ray, reach, true)
+        self.shape.cast_ray(&self.world_from_mesh, ray, reach, true)
     }
 }
 
 impl Camera {
-    /// Places the camera; its image is upright in the world.
+    /// Places the camera; the image rows are parallel to the horizon.
     pub fn new(config: &CameraConfig) -> Self {
         let (position, target) = (vec3(config.position), vec3(config.target));
         let forward = (target - position).normalize();
@@ -101,8 +103,12 @@ impl Camera {
         }
     }
 
-    /// What the camera measures of `surfaces` without noise, no farther than `behind` where given.
-    pub fn render(&self, surfaces: &[Surface], behind: Option<&DepthImage>) -> DepthImage {
+    /// Renders `surfaces` without noise, occluded by `occluder_depth` if given.
+    pub fn render(
+        &self,
+        surfaces: &[RenderMesh],
+        occluder_depth: Option<&DepthImage>,
+    ) -> DepthImage {
         let mut depth = Vec::with_capacity(self.width * self.height);
         for row in 0..self.height {
             for column in 0..self.width {
@@ -110,22 +116,23 @@ impl Camera {
                 let length = pixel.length();
                 let direction = self.world_from_camera.rotation * (pixel / length);
                 let ray = Ray::new(self.world_from_camera.translation, direction);
-                let before = behind.map_or(0.0, |image| image.depth[depth.len()]);
-                let mut reach = if before > 0.0 { before * length } else { self.range[1] * length };
-                let mut seen = before;
+                let occluder = occluder_depth.map_or(0.0, |image| image.depth[depth.len()]);
+                let mut reach =
+                    if occluder > 0.0 { occluder * length } else { self.range[1] * length };
+                let mut measured = occluder;
                 for surface in surfaces {
-                    if let Some(distance) = surface.hit(&ray, reach) {
+                    if let Some(distance) = surface.cast_ray(&ray, reach) {
                         reach = distance;
-                        seen = distance / length;
+                        measured = distance / length;
                     }
                 }
-                depth.push(if seen < self.range[0] { 0.0 } else { seen });
+                depth.push(if measured < self.range[0] { 0.0 } else { measured });
             }
         }
         DepthImage { width: self.width, height: self.height, depth }
     }
 
-    /// What each pixel measured, as points in the world.
+    /// Back-projects each pixel to a world point (m); `None` for pixels without a measurement.
     pub fn points(&self, image: &DepthImage) -> Vec<Option<Vec3>> {
         let point = |(pixel, &depth): (usize, &f32)| {
             let (column, row) = (pixel % self.width, pixel / self.width);
@@ -135,7 +142,7 @@ impl Camera {
         image.depth.iter().enumerate().map(point).collect()
     }
 
-    /// Direction through the middle of a pixel, camera frame, with z = 1.
+    /// Direction through a pixel centre, camera frame, scaled to z = 1.
     fn ray_direction(&self, column: f32, row: f32) -> Vec3 {
         let x = (column + 0.5 - 0.5 * self.width as f32) / self.focal;
         let y = (row + 0.5 - 0.5 * self.height as f32) / self.focal;
@@ -147,8 +154,8 @@ impl Camera {
 mod tests {
     use super::*;
 
-    /// A square in the plane x = `distance`, seen by a camera at the origin that looks along x.
-    fn wall(distance: f32, half: f32) -> Surface {
+    /// A square in the plane x = `distance`, in front of a camera at the origin that points along x.
+    fn wall(distance: f32, half: f32) -> RenderMesh {
         let corner = |y: f32, z: f32| Vec3::new(0.0, y * half, z * half);
         let mesh = Mesh {
             vertices: [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]
@@ -156,7 +163,7 @@ mod tests {
                 .to_vec(),
             triangles: vec![[0, 1, 2], [0, 2, 3]],
         };
-        Surface::of_mesh(&mesh, &Pose::from_translation(Vec3::X * distance)).unwrap()
+        RenderMesh::from_mesh(&mesh, &Pose::from_translation(Vec3::X * distance)).unwrap()
     }
 
     fn camera() -> Camera {
@@ -165,7 +172,7 @@ mod tests {
     }
 
     #[test]
-    fn a_wall_is_measured_at_its_distance() {
+    fn wall_is_measured_at_its_distance() {
         let camera = camera();
         for distance in [0.4, 0.8, 1.5] {
             let image = camera.render(&[wall(distance, 2.0)], None);
@@ -179,23 +186,23 @@ mod tests {
     }
 
     #[test]
-    fn a_box_has_its_size_and_stands_upright() {
+    fn square_has_its_size_and_is_upright() {
         let camera = camera();
         let image = camera.render(&[wall(0.8, 0.1)], None);
         let points: Vec<Vec3> = camera.points(&image).into_iter().flatten().collect();
-        // A pixel is 5 mm wide at 0.8 m: the outermost middles of pixels lie inside the edge.
+        // A pixel is 5 mm wide at 0.8 m; the outermost pixel centres are inside the edge.
         let pixel = 0.8 / camera.focal;
-        for reach in [Vec3::Y, Vec3::Z, Vec3::NEG_Y, Vec3::NEG_Z] {
-            let edge = points.iter().map(|p| p.dot(reach)).fold(0.0, f32::max);
+        for direction in [Vec3::Y, Vec3::Z, Vec3::NEG_Y, Vec3::NEG_Z] {
+            let edge = points.iter().map(|p| p.dot(direction)).fold(0.0, f32::max);
             assert!(edge <= 0.1 && edge > 0.1 - pixel, "edge at {edge} m, wanted 0.1");
         }
         let (first, last) = (points[0], points[points.len() - 1]);
-        assert!(first.z > 0.09 && first.y > 0.09, "the first row is the upper one: {first}");
-        assert!(last.z < -0.09 && last.y < -0.09, "and the left one comes first: {last}");
+        assert!(first.z > 0.09 && first.y > 0.09, "the first row must be the upper one: {first}");
+        assert!(last.z < -0.09 && last.y < -0.09, "the first column must be the left one: {last}");
     }
 
     #[test]
-    fn the_nearer_surface_hides_the_other() {
+    fn near_surface_occludes_far_surface() {
         let camera = camera();
         let far = camera.render(&[wall(1.2, 2.0)], None);
         let both = camera.render(&[wall(0.8, 0.1)], Some(&far));
@@ -208,7 +215,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_measured_out_of_range() {
+    fn surface_out_of_range_is_not_measured() {
         let camera = camera();
         for distance in [0.2, 1.7] {
             let image = camera.render(&[wall(distance, 2.0)], None);

@@ -1,33 +1,33 @@
-//! The scene file: every figure of the world and of the protocol, and the hash that names them.
+//! Scene configuration: all parameters of the world and of the attempt protocol.
 
 use geometry::{Pose, Vec3};
-use robot::{ARM, HAND};
+use robot::{ARM_DOF, HAND_DOF};
 
-/// Why a scene cannot be set up.
+/// Error during the setup of a scene.
 #[derive(Debug, thiserror::Error)]
 pub enum SceneError {
-    /// The scene file does not parse.
-    #[error("the scene file is not valid: {0}")]
+    /// The scene file cannot be parsed.
+    #[error("invalid scene file: {0}")]
     Config(#[from] serde_json::Error),
-    /// An object's collision parts span no volume.
+    /// A convex part of an object has no volume.
     #[error(
-        "part {part} of the collision shapes of {name} is flat or empty; give it a mesh with volume"
+        "part {part} of the collision shapes of {name} is flat or empty; use a mesh with volume"
     )]
     FlatPart {
-        /// Object name.
+        /// Name of the object.
         name: String,
-        /// Index of the part.
+        /// Index of the convex part.
         part: usize,
     },
-    /// The robot description is at fault.
+    /// The robot description is invalid.
     #[error(transparent)]
     Robot(#[from] robot::UrdfError),
 }
 
-/// The whole scene file; see `assets/scene/scene.toml` for what each figure means.
-#[derive(Clone, Debug, serde::Deserialize)]
+/// Contents of the scene file. `assets/scene/scene.toml` documents each value.
+#[derive(Clone, Debug, serde::Deserialize, serde::Serialize)]
 #[serde(deny_unknown_fields)]
-#[expect(missing_docs, reason = "the commented file is the documentation of its fields")]
+#[expect(missing_docs, reason = "the comments of the scene file document the fields")]
 pub struct SceneConfig {
     pub table: Table,
     pub workspace: Workspace,
@@ -36,74 +36,75 @@ pub struct SceneConfig {
     pub robot: RobotConfig,
     pub physics: Physics,
     pub motors: Motors,
-    pub attempt: Protocol,
-    pub target: TargetBox,
+    pub protocol: AttemptProtocol,
+    pub pregrasp_region: PregraspRegion,
 }
 
-/// The table: a finite box.
-#[derive(Clone, Debug, serde::Deserialize)]
+/// The table, a box.
+#[derive(Clone, Debug, serde::Deserialize, serde::Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Table {
     /// Centre (m).
     pub center: [f32; 3],
-    /// Half sizes (m).
-    pub half: [f32; 3],
+    /// Half extents (m).
+    pub half_extents: [f32; 3],
     /// Coulomb friction coefficient.
     pub friction: f32,
 }
 
 impl Table {
-    /// Whether a point of its top (m) lies within its edges.
+    /// Whether a point (x, y) (m) of the table top is within its edges.
     pub fn contains(&self, [x, y]: [f32; 2]) -> bool {
-        (x - self.center[0]).abs() <= self.half[0] && (y - self.center[1]).abs() <= self.half[1]
+        (x - self.center[0]).abs() <= self.half_extents[0]
+            && (y - self.center[1]).abs() <= self.half_extents[1]
     }
 }
 
-/// Rectangle of the table on which objects are placed (m).
-#[derive(Clone, Copy, Debug, serde::Deserialize)]
+/// Rectangle on the table top in which objects are placed (m).
+#[derive(Clone, Copy, Debug, serde::Deserialize, serde::Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Workspace {
-    /// Least and greatest x.
+    /// Min and max x (m).
     pub x: [f32; 2],
-    /// Least and greatest y.
+    /// Min and max y (m).
     pub y: [f32; 2],
 }
 
 impl Workspace {
-    /// Whether a point of the table (m) lies in it.
+    /// Whether a point (x, y) (m) is inside the rectangle.
     pub fn contains(&self, [x, y]: [f32; 2]) -> bool {
-        let is_within = |value: f32, [least, most]: [f32; 2]| (least..=most).contains(&value);
+        let is_within = |value: f32, [min, max]: [f32; 2]| (min..=max).contains(&value);
         is_within(x, self.x) && is_within(y, self.y)
     }
 }
 
 /// A pinhole depth camera.
-#[derive(Clone, Debug, serde::Deserialize)]
+#[derive(Clone, Debug, serde::Deserialize, serde::Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct CameraConfig {
     /// Optical centre (m).
     pub position: [f32; 3],
-    /// Point in the middle of the image (m).
+    /// Look-at point, at the image centre (m).
     pub target: [f32; 3],
-    /// Pixels per row.
+    /// Image width (pixels).
     pub width: usize,
-    /// Rows.
+    /// Image height (pixels).
     pub height: usize,
     /// Horizontal field of view (degrees).
     pub hfov_deg: f32,
-    /// Least and greatest depth that is measured (m).
+    /// Min and max measurable depth (m).
     pub range: [f32; 2],
-    /// Errors of the sensor.
-    pub noise: Noise,
+    /// Sensor noise.
+    pub noise: DepthNoise,
 }
 
-/// Errors of a stereo depth sensor; see [`crate::noise`].
-#[derive(Clone, Debug, serde::Deserialize)]
+/// Noise parameters of a stereo depth sensor; see [`crate::noise`].
+#[derive(Clone, Debug, serde::Deserialize, serde::Serialize)]
 #[serde(deny_unknown_fields)]
-pub struct Noise {
-    /// Share of pixels without a value.
+pub struct DepthNoise {
+    /// Fraction of pixels without a measurement.
     pub dropout: f32,
-    /// Share of pixels with an arbitrary value in range.
+    /// Fraction of pixels with a random depth in range.
     pub outlier: f32,
     /// Standard deviation of the lateral shift (pixels).
     pub shift_sigma: f32,
@@ -113,50 +114,50 @@ pub struct Noise {
     pub disparity_base: f32,
 }
 
-/// Which measured points become the cloud.
-#[derive(Clone, Debug, serde::Deserialize)]
+/// Crop box, outlier filter and size of the point cloud.
+#[derive(Clone, Debug, serde::Deserialize, serde::Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Crop {
-    /// Least corner (m).
+    /// Min corner (m), base frame.
     pub min: [f32; 3],
-    /// Greatest corner (m).
+    /// Max corner (m), base frame.
     pub max: [f32; 3],
-    /// Points after thinning.
+    /// Number of points after downsampling.
     pub num_points: usize,
-    /// Pixels, of the eight around a point, that must have a point close by.
-    pub neighbors: usize,
-    /// How close (m).
-    pub near: f32,
+    /// Min number of close points among the eight neighbouring pixels; points with fewer are outliers.
+    pub min_neighbors: usize,
+    /// Distance (m) within which a neighbouring point is close.
+    pub neighbor_radius: f32,
 }
 
-/// The robot in the scene.
-#[derive(Clone, Debug, serde::Deserialize)]
+/// Friction and initial joint positions of the robot.
+#[derive(Clone, Debug, serde::Deserialize, serde::Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct RobotConfig {
     /// Coulomb friction coefficient of all links.
     pub friction: f32,
-    /// Arm joints (rad) where every attempt begins and the camera takes its frame.
-    pub home: [f64; ARM],
-    /// Hand joints (rad) at home and above the object.
-    pub open: [f64; HAND],
+    /// Arm joints (rad) at the start of every attempt, when the camera captures its frame.
+    pub home: [f64; ARM_DOF],
+    /// Hand joints (rad) at home and above the object: the open hand.
+    pub open: [f64; HAND_DOF],
 }
 
-/// How the world is stepped.
-#[derive(Clone, Debug, serde::Deserialize)]
+/// Parameters of the physics simulation.
+#[derive(Clone, Debug, serde::Deserialize, serde::Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Physics {
-    /// Physics steps in a control period.
+    /// Physics steps per control period.
     pub substeps: usize,
-    /// Solver iterations a step.
+    /// Solver iterations per physics step.
     pub solver_iterations: usize,
-    /// Size of a typical object (m), for the engine's tolerances.
+    /// Size of a typical object (m), the scale of rapier's tolerances.
     pub length_unit: f32,
 }
 
-/// The motors that make physics follow the commanded joints.
-#[derive(Clone, Debug, serde::Deserialize)]
+/// Joint motors that track the commanded state.
+#[derive(Clone, Debug, serde::Deserialize, serde::Serialize)]
 #[serde(deny_unknown_fields)]
-#[expect(missing_docs, reason = "the commented file is the documentation of its fields")]
+#[expect(missing_docs, reason = "the comments of the scene file document the fields")]
 pub struct Motors {
     pub arm_stiffness: f32,
     pub arm_damping: f32,
@@ -167,30 +168,30 @@ pub struct Motors {
     pub joint_damping: [f32; 2],
 }
 
-/// Times and thresholds of an attempt.
-#[derive(Clone, Debug, serde::Deserialize)]
+/// Durations and thresholds of an attempt.
+#[derive(Clone, Debug, serde::Deserialize, serde::Serialize)]
 #[serde(deny_unknown_fields)]
-#[expect(missing_docs, reason = "the commented file is the documentation of its fields")]
-pub struct Protocol {
+#[expect(missing_docs, reason = "the comments of the scene file document the fields")]
+pub struct AttemptProtocol {
     pub policy_seconds: f64,
     pub rest_speed: f64,
     pub rest_seconds: f64,
     pub lift_height: f64,
     pub hold_seconds: f64,
-    pub held_height: f32,
-    pub held_distance: f32,
-    pub held_angle_deg: f32,
+    pub min_hold_height: f32,
+    pub max_slip: f32,
+    pub max_rotation_deg: f32,
 }
 
-/// Region above the object from which target poses of the palm are drawn (Fig. 2).
-#[derive(Clone, Debug, serde::Deserialize)]
+/// Region above the object from which pre-grasp poses of the palm are sampled (Fig. 2).
+#[derive(Clone, Debug, serde::Deserialize, serde::Serialize)]
 #[serde(deny_unknown_fields)]
-pub struct TargetBox {
-    /// Greatest offset in x and y, in half sizes of the bounding box.
-    pub spread: [f64; 2],
-    /// Least and greatest height of the fingertips' middle over the object's top (m).
-    pub above: [f64; 2],
-    /// Greatest tilt against the grasp (degrees).
+pub struct PregraspRegion {
+    /// Max offset in x and y, in half extents of the bounding box.
+    pub lateral: [f64; 2],
+    /// Min and max height (m) of the fingertip centre above the top of the object.
+    pub height: [f64; 2],
+    /// Max tilt relative to the grasp (degrees).
     pub tilt_deg: f64,
 }
 
@@ -200,46 +201,38 @@ impl SceneConfig {
         Self::parse(include_str!(concat!(env!("OUT_DIR"), "/scene.json")))
     }
 
-    /// Reads a scene file, which `build.rs` made JSON of.
+    /// Parses a scene file in JSON. `build.rs` converts the TOML file to JSON.
     pub fn parse(text: &str) -> Result<Self, SceneError> {
         Ok(serde_json::from_str(text)?)
     }
 
-    /// Joints at home, hand open.
+    /// Home position: arm at home, hand open (rad).
     pub fn home(&self) -> robot::JointVector {
-        robot::join(&self.robot.home, &self.robot.open)
+        robot::joint_vector(&self.robot.home, &self.robot.open)
     }
 
-    /// Height of the table's top (m).
+    /// Height of the table top (m).
     pub fn table_top(&self) -> f32 {
-        self.table.center[2] + self.table.half[2]
+        self.table.center[2] + self.table.half_extents[2]
     }
 
-    /// Pose of an object that stands upright on the table, turned by `yaw` (rad).
-    pub fn upright(&self, x: f32, y: f32, yaw: f32) -> Pose {
+    /// Pose of an upright object on the table top at (x, y) (m), rotated by `yaw` (rad).
+    pub fn object_pose(&self, x: f32, y: f32, yaw: f32) -> Pose {
         let (sin, cos) = libm::sincosf(0.5 * yaw);
         let rotation = glamx::Quat::from_xyzw(0.0, 0.0, sin, cos);
         Pose::from_parts(Vec3::new(x, y, self.table_top()), rotation)
     }
 
-    /// Seconds of a physics step.
+    /// Duration of a physics step (s).
     pub fn physics_dt(&self) -> f64 {
-        CONTROL_PERIOD / self.physics.substeps as f64
+        CONTROL_DT / self.physics.substeps as f64
     }
 }
 
-/// Seconds between two policy steps (paper: 30 Hz).
-pub const CONTROL_PERIOD: f64 = 1.0 / 30.0;
+/// Control period (s): 30 Hz, as in the paper.
+pub const CONTROL_DT: f64 = 1.0 / 30.0;
 
-/// BLAKE3 of the scene file and the robot description, hex: names the experiment.
-pub fn scene_hash() -> String {
-    let mut hasher = blake3::Hasher::new();
-    hasher.update(include_bytes!("../../../assets/scene/scene.toml"));
-    hasher.update(include_bytes!("../../../assets/robot/iiwa7_allegro.urdf"));
-    hasher.finalize().to_hex().to_string()
-}
-
-/// An array of the file as a vector.
+/// Converts a configuration array to a vector.
 pub(crate) fn vec3(a: [f32; 3]) -> Vec3 {
     Vec3::from_array(a)
 }
@@ -249,7 +242,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_standard_scene_parses_and_a_typo_is_named() {
+    fn standard_scene_parses_and_unknown_field_is_rejected_by_name() {
         let config = SceneConfig::standard().unwrap();
         assert_eq!(config.crop.num_points, 512);
         let standard = include_str!(concat!(env!("OUT_DIR"), "/scene.json"));

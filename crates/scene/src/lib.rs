@@ -1,22 +1,24 @@
-//! The simulated world: table, object, arm and hand (or the hand alone), and the depth camera that looks at them.
+//! Simulated world: table, object, arm and hand (or the hand alone), and the depth camera.
 //!
-//! In: joint targets. Out: poses, contacts, point clouds. Knows nothing of policies or planners;
-//! physics types stay inside.
+//! In: joint targets. Out: poses, contacts, point clouds. Independent of policies and planners. Physics types
+//! are private.
 
 pub mod camera;
-pub mod cloud;
 mod colliders;
 pub mod config;
-mod hand;
-pub mod hold;
+pub mod depth_sensor;
+mod floating_hand;
+pub mod hold_monitor;
 mod links;
 pub mod noise;
+mod scene;
+mod scene_hash;
 mod simulation;
 mod tabletop;
-mod world;
 
 pub use config::{SceneConfig, SceneError};
-pub use hand::HandScene;
-pub use hold::{Hold, Loss};
-pub use simulation::{Contact, Simulation, Touching};
-pub use world::{Pull, Scene};
+pub use floating_hand::FloatingHandScene;
+pub use hold_monitor::{HoldFailure, HoldMonitor};
+pub use scene::{DragSpring, Scene};
+pub use scene_hash::{hash_values, scene_hash};
+pub use simulation::{ContactForce, ContactState, Simulation};

@@ -1,49 +1,49 @@
-//! What a trial and a verdict need of a simulated world.
+//! Interface of a simulated world for grasp trials and attempts.
 
 use geometry::{Pose, Vec3};
 use robot::JointState;
 
-/// A world in which a hand is driven and an object may be held.
+/// A world with a commanded hand and an object.
 pub trait Simulation {
-    /// Steps physics for one control period while the joints are commanded along the cubic that
-    /// joins `from` to `to`; exact for the constant acceleration of Eq. 6-7.
-    fn follow(&mut self, from: &JointState, to: &JointState);
+    /// Steps physics for one control period. The joint targets follow the cubic from `from` to `to`, which is
+    /// exact for the constant acceleration of Eq. 6-7.
+    fn track(&mut self, from: &JointState, to: &JointState);
 
-    /// Pose of the body that carries the palm.
+    /// Pose of the palm body.
     fn palm_pose(&self) -> Pose;
 
     /// Pose of the object.
     fn object_pose(&self) -> Pose;
 
-    /// Extent (m) of the object's bounding box in its own frame.
+    /// Extents (m) of the object's bounding box, object frame.
     fn object_size(&self) -> Vec3;
 
-    /// Height (m) of the object's lowest point over the table's top.
+    /// Height (m) of the lowest point of the object above the table top.
     fn object_height(&self) -> f32;
 
-    /// What the object touches now.
-    fn touching(&self) -> Touching;
+    /// Current contacts of the object.
+    fn contact_state(&self) -> ContactState;
 
-    /// Whether every pose is a finite number and the engine has given up on no body.
+    /// Whether all poses are finite and rapier has quarantined no body.
     fn is_finite(&self) -> bool;
 }
 
-/// Something presses on an object.
+/// A contact force on the object.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Contact {
-    /// Where (m).
+pub struct ContactForce {
+    /// Point of application (m).
     pub point: Vec3,
-    /// With what force (N), friction included.
+    /// Force (N), including friction.
     pub force: Vec3,
 }
 
-/// What an object touches.
+/// Bodies in contact with the object.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Touching {
-    /// The table.
+pub struct ContactState {
+    /// Contact with the table.
     pub table: bool,
-    /// A finger or the palm.
+    /// Contact with a finger or the palm.
     pub hand: bool,
-    /// An arm link.
+    /// Contact with an arm link.
     pub arm: bool,
 }

@@ -1,30 +1,30 @@
-//! Kinds of jobs.
+//! Job kinds.
 
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
-/// What a job does.
+/// Kind of a job; selects the worker command and the parameters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 pub(crate) enum Kind {
-    /// Demonstrations and clouds.
+    /// Generates demonstrations and point clouds.
     #[serde(rename = "dataset.generate")]
     DatasetGenerate,
-    /// The autoencoder, on a dataset's clouds.
+    /// Trains the autoencoder on the point clouds of a dataset.
     #[serde(rename = "encoder.train")]
     EncoderTrain,
-    /// A policy, on a dataset's demonstrations, with an encoder.
+    /// Trains a policy on the demonstrations of a dataset, with a trained encoder.
     #[serde(rename = "policy.train")]
     PolicyTrain,
-    /// Attempts by the protocol, counted.
+    /// Evaluates a policy: grasp attempts by the protocol.
     #[serde(rename = "policy.evaluate")]
     PolicyEvaluate,
-    /// What a mesh is, and its convex parts.
+    /// Inspects a mesh and decomposes it into convex parts.
     #[serde(rename = "mesh.prepare")]
     MeshPrepare,
 }
 
 impl Kind {
-    /// All of them.
+    /// All kinds, in the order of the documentation.
     pub(crate) const ALL: [Self; 5] = [
         Self::DatasetGenerate,
         Self::EncoderTrain,
@@ -33,7 +33,7 @@ impl Kind {
         Self::MeshPrepare,
     ];
 
-    /// As in JSON.
+    /// Name in JSON and in the database.
     pub(crate) fn name(self) -> &'static str {
         match self {
             Self::DatasetGenerate => "dataset.generate",
@@ -44,8 +44,8 @@ impl Kind {
         }
     }
 
-    /// The kind of this name.
-    pub(crate) fn named(name: &str) -> Option<Self> {
+    /// Inverse of [`Kind::name`].
+    pub(crate) fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|kind| kind.name() == name)
     }
 }

@@ -1,16 +1,16 @@
-//! What each kind of job may be told, with its defaults.
+//! Parameters of each job kind, with their defaults.
 
-mod checks;
 pub(super) mod schema;
+mod validate;
 
 use super::Kind;
-use policy::network::POLICIES;
+use policy::network::POLICY_NAMES;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 use utoipa::ToSchema;
 
-/// The parameters of a job; once resolved, nothing is left open. They are read back by what they must have: those of a
-/// dataset, which need nothing, come last.
+/// Parameters of a job; all defaults are filled in by [`Params::resolve`]. The variants are untagged:
+/// deserialization identifies them by their required fields, so `Dataset`, which has none, is last.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub(crate) enum Params {
@@ -26,180 +26,186 @@ pub(crate) enum Params {
     Dataset(DatasetParams),
 }
 
-/// Demonstrations and clouds.
+/// Parameters of dataset generation.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct DatasetParams {
-    /// Name of its sizes.
-    #[serde(default = "small")]
-    #[schema(schema_with = schema::presets)]
+    /// Preset that sets the size of the dataset.
+    #[serde(default = "default_dataset_preset")]
+    #[schema(schema_with = schema::dataset_presets)]
     pub(crate) preset: String,
-    /// One object instead of the preset's.
+    /// A single object instead of the objects of the preset.
     #[serde(flatten)]
-    pub(crate) subject: Subject,
-    /// Seed of everything.
+    pub(crate) object_params: ObjectParams,
+    /// Random seed.
     #[serde(default)]
     pub(crate) seed: u64,
-    /// Threads; 0 takes all.
+    /// Threads; 0 = all cores.
     #[serde(default)]
     pub(crate) threads: usize,
 }
 
-/// Training an autoencoder.
+/// Parameters of autoencoder training.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct EncoderParams {
-    /// The dataset whose clouds it learns from.
+    /// Dataset that provides the point clouds.
     pub(crate) dataset_id: String,
-    /// How long and how fast.
+    /// Duration, batch size and learning rate.
     #[serde(flatten)]
-    pub(crate) course: Course,
+    pub(crate) training: TrainingParams,
 }
 
-/// Training a policy.
+/// Parameters of policy training.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct PolicyParams {
-    /// The dataset whose demonstrations it learns from.
+    /// Dataset that provides the demonstrations.
     pub(crate) dataset_id: String,
-    /// The encoder, or a policy whose encoder is used.
+    /// Encoder, or a policy whose encoder is reused.
     pub(crate) encoder_id: String,
-    /// Which of the policies that are compared.
-    #[serde(default = "first_policy")]
+    /// Policy architecture.
+    #[serde(default = "default_policy")]
     #[schema(schema_with = schema::policies)]
     pub(crate) policy: String,
-    /// Steps of a roll-out; 1 is behaviour cloning.
+    /// Rollout length (steps); 1 = behaviour cloning.
     #[serde(default)]
     pub(crate) horizon: Option<usize>,
-    /// How long and how fast.
+    /// Duration, batch size and learning rate.
     #[serde(flatten)]
-    pub(crate) course: Course,
+    pub(crate) training: TrainingParams,
 }
 
-/// How long and how fast something is trained.
+/// Parameters common to all training jobs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
-pub(crate) struct Course {
-    /// Name of its sizes, as of a dataset's: where they are not given, steps, batch, rate and checkpoint are its.
-    #[serde(default = "full")]
-    #[schema(schema_with = schema::courses)]
+pub(crate) struct TrainingParams {
+    /// Preset that supplies steps, batch size, learning rate and checkpoint interval where they are not
+    /// given.
+    #[serde(default = "default_training_preset")]
+    #[schema(schema_with = schema::training_presets)]
     pub(crate) preset: String,
-    /// Optimiser steps.
+    /// Number of optimiser steps.
     #[serde(default)]
     pub(crate) steps: Option<u64>,
-    /// Examples a step.
+    /// Batch size.
     #[serde(default)]
     pub(crate) batch: Option<usize>,
     /// Peak learning rate.
     #[serde(default)]
-    pub(crate) rate: Option<f64>,
-    /// Steps from checkpoint to checkpoint.
+    pub(crate) learning_rate: Option<f64>,
+    /// Checkpoint interval (steps).
     #[serde(default)]
-    pub(crate) checkpoint: Option<u64>,
-    /// Threads; 0 takes the standard number.
+    pub(crate) checkpoint_every: Option<u64>,
+    /// Threads; 0 = the default number.
     #[serde(default)]
     pub(crate) threads: usize,
-    /// Seed of weights and batches.
+    /// Random seed of initial weights and batches.
     #[serde(default)]
     pub(crate) seed: u64,
 }
 
-/// Attempts by the protocol.
+/// Parameters of an evaluation: grasp attempts by the protocol.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct EvaluationParams {
-    /// The policy, or `planner`.
+    /// Model id, or `planner`.
     pub(crate) model_id: String,
-    /// The object.
+    /// Object to grasp.
     #[serde(flatten)]
-    pub(crate) subject: Subject,
-    /// Attempts.
-    #[serde(default = "hundred")]
+    pub(crate) object_params: ObjectParams,
+    /// Number of attempts.
+    #[serde(default = "default_attempts")]
     pub(crate) attempts: u64,
-    /// Seed of the first one.
+    /// Random seed of the first attempt; later attempts count up from it.
     #[serde(default)]
     pub(crate) seed: u64,
-    /// Whether the controls are evaluated, too.
+    /// Also evaluate the control conditions.
     #[serde(default)]
     pub(crate) controls: bool,
 }
 
-/// What a mesh is, and its convex parts.
+/// Parameters of mesh inspection and convex decomposition.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct MeshParams {
-    /// A mesh that was uploaded.
+    /// Uploaded mesh.
     pub(crate) mesh_id: String,
 }
 
-/// A built-in object, or a mesh that was uploaded, with its mass.
+/// Object of a job: a built-in object, or an uploaded mesh with its mass or density.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
-pub(crate) struct Subject {
-    /// Name of a built-in object.
+pub(crate) struct ObjectParams {
+    /// Built-in object.
     #[serde(default)]
     #[schema(schema_with = schema::objects)]
     pub(crate) object: Option<String>,
-    /// A mesh that was uploaded.
+    /// Uploaded mesh.
     #[serde(default)]
     pub(crate) mesh_id: Option<String>,
     /// Mass of the mesh (kg).
     #[serde(default)]
     pub(crate) mass_kg: Option<f64>,
-    /// Density of the mesh (kg/m³) instead.
+    /// Density of the mesh (kg/m³), as an alternative to its mass.
     #[serde(default)]
     pub(crate) density_kg_m3: Option<f64>,
 }
-fn small() -> String {
+
+fn default_dataset_preset() -> String {
     "small".into()
 }
 
-fn full() -> String {
+fn default_training_preset() -> String {
     "paper".into()
 }
 
-fn first_policy() -> String {
-    POLICIES[0].into()
+fn default_policy() -> String {
+    POLICY_NAMES[0].into()
 }
 
-fn hundred() -> u64 {
+fn default_attempts() -> u64 {
     100
 }
-/// Why parameters are refused.
+
+/// Rejected parameter.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Invalid {
-    /// Which one, as a path in `params`.
+    /// Path of the parameter inside `params`.
     pub(crate) param: String,
-    /// What is wrong with it, and what it may be.
+    /// The error, and the accepted values.
     pub(crate) detail: String,
 }
 
 impl Params {
-    /// Reads and checks the parameters of a kind, with everything filled in that was left open.
+    /// Parses and validates the parameters of a job kind, and fills in defaults.
     pub(crate) fn resolve(kind: Kind, given: Map<String, Value>) -> Result<Self, Invalid> {
         let given = Value::Object(given);
         Ok(match kind {
             Kind::DatasetGenerate => {
-                Self::Dataset(checks::read::<DatasetParams>(given)?.resolved()?)
+                Self::Dataset(validate::parse::<DatasetParams>(given)?.resolve()?)
             }
-            Kind::EncoderTrain => Self::Encoder(checks::read::<EncoderParams>(given)?.resolved()?),
-            Kind::PolicyTrain => Self::Policy(checks::read::<PolicyParams>(given)?.resolved()?),
+            Kind::EncoderTrain => {
+                Self::Encoder(validate::parse::<EncoderParams>(given)?.resolve()?)
+            }
+            Kind::PolicyTrain => Self::Policy(validate::parse::<PolicyParams>(given)?.resolve()?),
             Kind::PolicyEvaluate => {
-                Self::Evaluation(checks::read::<EvaluationParams>(given)?.resolved()?)
+                Self::Evaluation(validate::parse::<EvaluationParams>(given)?.resolve()?)
             }
-            Kind::MeshPrepare => Self::Mesh(checks::read(given)?),
+            Kind::MeshPrepare => Self::Mesh(validate::parse(given)?),
         })
     }
 
-    /// Seed of the job.
+    /// Random seed of the job; 0 for kinds without one.
     pub(crate) fn seed(&self) -> u64 {
         match self {
             Self::Dataset(params) => params.seed,
-            Self::Encoder(EncoderParams { course, .. }) => course.seed,
-            Self::Policy(PolicyParams { course, .. }) => course.seed,
+            Self::Encoder(EncoderParams { training, .. }) => training.seed,
+            Self::Policy(PolicyParams { training, .. }) => training.seed,
             Self::Evaluation(params) => params.seed,
             Self::Mesh(_) => 0,
         }
     }
 }
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -211,17 +217,17 @@ mod tests {
     }
 
     #[test]
-    fn what_is_left_open_is_filled_in() {
+    fn unspecified_params_get_defaults() {
         let Ok(Params::Dataset(dataset)) = resolve(Kind::DatasetGenerate, json!({})) else {
-            panic!("refused")
+            panic!("rejected")
         };
         assert_eq!((dataset.preset.as_str(), dataset.seed), ("small", 0));
         let given = json!({ "dataset_id": "ds_1", "encoder_id": "mdl_1", "steps": 10 });
         let Ok(Params::Policy(policy)) = resolve(Kind::PolicyTrain, given) else {
-            panic!("refused")
+            panic!("rejected")
         };
-        let course = policy.course;
-        assert_eq!((course.steps, course.batch, course.threads), (Some(10), Some(128), 2));
+        let training = policy.training;
+        assert_eq!((training.steps, training.batch, training.threads), (Some(10), Some(128), 2));
         assert_eq!((policy.policy.as_str(), policy.horizon), ("ngf-pcd", Some(90)));
         for (preset, _) in PRESETS {
             let given = json!({ "dataset_id": "ds_1", "encoder_id": "mdl_1", "preset": preset });
@@ -230,18 +236,18 @@ mod tests {
                 if kind == Kind::EncoderTrain {
                     given.as_object_mut().unwrap().remove("encoder_id");
                 }
-                let course = match resolve(kind, given) {
-                    Ok(Params::Encoder(EncoderParams { course, .. })) => course,
-                    Ok(Params::Policy(PolicyParams { course, .. })) => course,
+                let training = match resolve(kind, given) {
+                    Ok(Params::Encoder(EncoderParams { training, .. })) => training,
+                    Ok(Params::Policy(PolicyParams { training, .. })) => training,
                     other => panic!("{preset}: {other:?}"),
                 };
-                assert!(course.steps.unwrap() < 1000 || preset != "smoke", "{course:?}");
+                assert!(training.steps.unwrap() < 1000 || preset != "smoke", "{training:?}");
             }
         }
     }
 
     #[test]
-    fn what_is_written_down_is_read_back() {
+    fn params_round_trip_through_json() {
         let mesh = json!({ "mesh_id": "msh_1", "mass_kg": 0.3 });
         let cases = [
             (Kind::DatasetGenerate, json!({})),
@@ -259,7 +265,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_refused_is_named() {
+    fn invalid_params_are_reported_by_name() {
         let cases = [
             (Kind::DatasetGenerate, json!({ "preset": "huge" }), "preset"),
             (Kind::DatasetGenerate, json!({ "presets": "small" }), "presets"),
@@ -276,7 +282,11 @@ mod tests {
                 json!({ "dataset_id": "x", "encoder_id": "y", "preset": "huge" }),
                 "preset",
             ),
-            (Kind::EncoderTrain, json!({ "dataset_id": "x", "rate": 2.0 }), "rate"),
+            (
+                Kind::EncoderTrain,
+                json!({ "dataset_id": "x", "learning_rate": 2.0 }),
+                "learning_rate",
+            ),
             (Kind::EncoderTrain, json!({ "dataset_id": "x", "rates": 2.0 }), "rates"),
             (Kind::PolicyEvaluate, json!({ "model_id": "x" }), "object"),
             (
@@ -286,8 +296,8 @@ mod tests {
             ),
         ];
         for (kind, given, param) in cases {
-            let refusal = resolve(kind, given.clone()).expect_err("taken");
-            assert_eq!(refusal.param, param, "{given}: {}", refusal.detail);
+            let invalid = resolve(kind, given.clone()).expect_err("accepted");
+            assert_eq!(invalid.param, param, "{given}: {}", invalid.detail);
         }
     }
 }

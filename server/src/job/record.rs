@@ -1,146 +1,146 @@
-//! A job as it is kept and shown.
+//! The stored record of a job.
 
-use super::{Kind, Params, Status, Wish};
+use super::{DesiredState, Kind, Params, Status};
 use chrono::{DateTime, Utc};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 use std::collections::BTreeMap;
 use utoipa::ToSchema;
 
-/// All that is known of a job.
+/// A job as stored in the database.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct Job {
     /// `job_` and a number that sorts by time.
     pub(crate) id: String,
-    /// What it does.
+    /// Kind of work.
     pub(crate) kind: Kind,
-    /// Where it stands.
+    /// Current status.
     pub(crate) status: Status,
-    /// What it is at, in the words of its program.
+    /// Current phase, as named by the worker.
     pub(crate) phase: Option<String>,
-    /// How far it is.
+    /// Progress of the current phase.
     pub(crate) progress: Option<Progress>,
-    /// When it was asked for.
+    /// Time of the request (UTC).
     pub(crate) created_at: DateTime<Utc>,
-    /// When a process first began with it.
+    /// Start of the first worker (UTC).
     pub(crate) started_at: Option<DateTime<Utc>>,
-    /// When it ended.
+    /// Time of the last transition to a terminal status (UTC).
     pub(crate) finished_at: Option<DateTime<Utc>>,
-    /// When it last changed.
+    /// Time of the last change visible to clients (UTC).
     pub(crate) updated_at: DateTime<Utc>,
-    /// What it was told, with everything filled in.
+    /// Parameters with defaults filled in.
     pub(crate) params: Params,
-    /// A name for people.
+    /// Display name.
     pub(crate) name: Option<String>,
-    /// Whatever whoever asked for it wants to remember.
+    /// Key-value pairs of the client.
     pub(crate) metadata: Map<String, Value>,
-    /// Higher ones begin first.
+    /// Jobs with a higher priority start first.
     pub(crate) priority: i64,
-    /// What it works on.
+    /// Ids of the datasets, models and meshes that it uses.
     pub(crate) inputs: Inputs,
-    /// What came of it.
+    /// Ids of the dataset, model and artifacts that it produced.
     pub(crate) outputs: Outputs,
-    /// The last metrics.
+    /// Latest value of each metric.
     pub(crate) latest_metrics: Map<String, Value>,
-    /// Models that it wrote on its way.
+    /// Number of checkpoints stored so far.
     pub(crate) checkpoint_count: u64,
-    /// Steps of the last one of them.
+    /// Training step of the last stored checkpoint.
     #[serde(default)]
     pub(crate) checkpoint_step: u64,
-    /// Why it failed.
-    pub(crate) error: Option<Failure>,
-    /// Who works on it.
+    /// Error of a failed job.
+    pub(crate) error: Option<JobError>,
+    /// Worker that runs or last ran the job.
     pub(crate) worker: Option<Worker>,
-    /// How often a process began with it: what an earlier one says no longer counts.
+    /// Number of workers started so far. Reports of earlier workers are rejected.
     pub(crate) attempt: u64,
-    /// Processes in a row that vanished without having come further than those before.
-    pub(crate) lost: u64,
-    /// How far any process came in each phase.
+    /// Workers lost in a row without new progress.
+    pub(crate) consecutive_lost_workers: u64,
+    /// Highest progress of any worker, by phase.
     #[serde(default)]
-    pub(crate) furthest: BTreeMap<String, f64>,
-    /// Number of the last report of this attempt that was heard.
+    pub(crate) best_progress: BTreeMap<String, f64>,
+    /// Sequence number of the last report applied in this attempt.
     #[serde(default)]
-    pub(crate) heard: u64,
-    /// What is wished of its process.
+    pub(crate) last_report_seq: u64,
+    /// Desired state of the worker.
     #[serde(default)]
-    pub(crate) wish: Wish,
-    /// Counts its changes.
+    pub(crate) desired_state: DesiredState,
+    /// Number of changes visible to clients; used as ETag.
     pub(crate) revision: u64,
 }
 
-/// How far a job is.
+/// Progress of a phase.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct Progress {
-    /// Done.
+    /// Completed units.
     pub completed: f64,
-    /// To do in this phase.
+    /// Units of the whole phase.
     pub total: f64,
-    /// What is counted.
+    /// Unit, e.g. `steps`.
     pub unit: String,
-    /// Done a second.
+    /// Completed units per second.
     pub rate_per_second: Option<f64>,
 }
 
-/// What a job works on.
+/// Inputs of a job.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
 pub(crate) struct Inputs {
-    /// Of a training.
+    /// Dataset of a training job.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub(crate) dataset_id: Option<String>,
-    /// Of a policy.
+    /// Encoder of a policy training.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub(crate) encoder_id: Option<String>,
-    /// Of an evaluation.
+    /// Model of an evaluation.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub(crate) model_id: Option<String>,
-    /// Of whatever is about an object that was uploaded.
+    /// Uploaded mesh, if the job uses one.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub(crate) mesh_id: Option<String>,
 }
 
-/// What came of a job.
+/// Outputs of a job.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
 pub(crate) struct Outputs {
-    /// The dataset that was made.
+    /// Generated dataset.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub(crate) dataset_id: Option<String>,
-    /// The encoder or policy that was trained.
+    /// Trained encoder or policy.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub(crate) model_id: Option<String>,
-    /// Files by their hash.
+    /// BLAKE3 hashes (hex) of the stored files.
     #[serde(default)]
     pub(crate) artifact_ids: Vec<String>,
 }
 
-/// Why a job failed.
+/// Error of a failed job.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
-pub(crate) struct Failure {
-    /// For programs.
+pub(crate) struct JobError {
+    /// Stable machine-readable code.
     pub(crate) code: String,
-    /// For people.
+    /// Cause, as text.
     pub(crate) message: String,
-    /// Which parameter, if it was one.
+    /// Invalid parameter, if one caused the error.
     pub(crate) param: Option<String>,
-    /// What to do about it.
+    /// Suggested remedy.
     pub(crate) hint: Option<String>,
 }
 
-/// Who works on a job.
+/// Worker process of a job.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct Worker {
-    /// Its machine.
+    /// Host name.
     pub host: String,
-    /// Its process there.
+    /// Process id on that host.
     pub pid: u32,
-    /// Version of its program.
+    /// Version of `ngf`.
     pub version: String,
-    /// Threads that its machine has for it.
+    /// Hardware threads of the host.
     #[serde(default)]
     pub threads: usize,
 }
 
 impl Job {
-    /// Whether it goes on from where it was when it is resumed or tried again.
+    /// Whether a resume or retry continues from stored progress.
     pub(crate) fn is_resumable(&self) -> bool {
         match self.status {
             Status::Paused => true,
@@ -151,8 +151,8 @@ impl Job {
 }
 
 impl Progress {
-    /// How long the phase takes yet, if that can be said.
-    pub(super) fn seconds_left(&self) -> Option<f64> {
+    /// Estimated time to the end of the phase (s); `None` if the rate is unknown.
+    pub(super) fn remaining_seconds(&self) -> Option<f64> {
         let rate = self.rate_per_second.filter(|rate| *rate > 0.0)?;
         Some((self.total - self.completed).max(0.0) / rate)
     }

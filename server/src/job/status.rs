@@ -1,30 +1,30 @@
-//! Where a job stands, and what is wished of it.
+//! Status of a job and the desired state of its worker.
 
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
-/// Where a job stands.
+/// Status of a job.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum Status {
-    /// Waits for a place.
+    /// Waits for a free slot.
     Queued,
-    /// A process works on it.
+    /// A worker runs.
     Running,
-    /// Stopped, and goes on from its last checkpoint when it is resumed.
+    /// Stopped; resumes from its last checkpoint on request.
     Paused,
-    /// Is being stopped for good.
+    /// Cancellation requested; the worker has not exited yet.
     Cancelling,
-    /// Done.
+    /// Finished; outputs are available.
     Succeeded,
-    /// Ended with an error.
+    /// Finished with an error.
     Failed,
-    /// Stopped for good.
+    /// Cancelled by a client.
     Cancelled,
 }
 
 impl Status {
-    /// All of them.
+    /// All statuses, in the order of a job's life.
     pub(crate) const ALL: [Self; 7] = [
         Self::Queued,
         Self::Running,
@@ -35,7 +35,7 @@ impl Status {
         Self::Cancelled,
     ];
 
-    /// As in JSON.
+    /// Name in JSON and in the database.
     pub(crate) fn name(self) -> &'static str {
         match self {
             Self::Queued => "queued",
@@ -48,33 +48,33 @@ impl Status {
         }
     }
 
-    /// The status of this name; "canceled" is understood, too.
-    pub(crate) fn named(name: &str) -> Option<Self> {
+    /// Inverse of [`Status::name`]; also accepts the spelling "canceled".
+    pub(crate) fn from_name(name: &str) -> Option<Self> {
         let name = if name == "canceled" { "cancelled" } else { name };
         Self::ALL.into_iter().find(|status| status.name() == name)
     }
 
-    /// Whether nothing comes after it but a retry.
+    /// Whether the job has finished; only a retry leaves this status.
     pub(crate) fn is_terminal(self) -> bool {
         matches!(self, Self::Succeeded | Self::Failed | Self::Cancelled)
     }
 
-    /// Whether a process may be at work.
+    /// Whether a worker may be running.
     pub(crate) fn has_process(self) -> bool {
         matches!(self, Self::Running | Self::Cancelling)
     }
 }
 
-/// What is wished of a job whose process is at work.
+/// Desired state of a job that has a worker.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub(crate) enum Wish {
-    /// That it goes on.
+pub(crate) enum DesiredState {
+    /// Continue to run.
     #[default]
     Run,
-    /// That it stops and can be resumed.
+    /// Stop; the job can be resumed.
     Pause,
-    /// That it stops for good.
+    /// Stop and cancel the job.
     Cancel,
 }
 
@@ -83,12 +83,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_are_those_of_the_json() {
+    fn status_names_match_their_json() {
         for status in Status::ALL {
             assert_eq!(serde_json::to_value(status).unwrap(), status.name());
-            assert_eq!(Status::named(status.name()), Some(status));
+            assert_eq!(Status::from_name(status.name()), Some(status));
         }
-        assert_eq!(Status::named("canceled"), Some(Status::Cancelled));
-        assert_eq!(Status::named("done"), None);
+        assert_eq!(Status::from_name("canceled"), Some(Status::Cancelled));
+        assert_eq!(Status::from_name("done"), None);
     }
 }

@@ -1,94 +1,94 @@
-//! The kinds of problems, by their stable names.
+//! Stable codes of errors.
 
 use serde::Serialize;
 use utoipa::ToSchema;
 
-/// Stable name of a kind of problem.
+/// Stable code of an error.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
-pub enum Code {
-    /// The connection ended before the body did.
-    BodyIncomplete,
-    /// A body is longer than is read.
+pub enum ProblemCode {
+    /// The connection ended before the end of the body.
+    IncompleteBody,
+    /// The body exceeds the size limit.
     BodyTooLarge,
-    /// A body took too long to arrive.
-    BodyTooSlow,
-    /// A model's card is not JSON.
-    CardInvalid,
-    /// A dataset cannot be opened, as one of an earlier version.
-    DatasetUnusable,
+    /// The body did not arrive in time.
+    RequestTimeout,
+    /// The card of a model is not JSON.
+    InvalidCard,
+    /// The dataset cannot be opened, e.g. because an earlier version generated it.
+    IncompatibleDataset,
     /// The disk is nearly full.
     DiskFull,
-    /// A dataset has no such episode.
+    /// The dataset has no such episode.
     EpisodeNotFound,
-    /// A file of the page cannot be served as asked.
-    FileRefused,
-    /// The server cannot read one of its own files.
+    /// A file of the page cannot be served with these request headers.
+    FileNotServed,
+    /// The server cannot read one of its files.
     FileUnreadable,
-    /// A page of another origin asks for a change.
-    ForeignOrigin,
-    /// The key was used with another body.
+    /// A write request from a page of another origin.
+    OriginNotAllowed,
+    /// The idempotency key was used with a different body.
     IdempotencyKeyReused,
-    /// The job of the key was deleted.
-    IdempotencyKeySpent,
-    /// A job that has not ended works on it.
+    /// The job created with the idempotency key was deleted.
+    IdempotencyJobDeleted,
+    /// The resource is an input of an unfinished job.
     InUse,
-    /// What a job is to work on is not there.
+    /// An input of a job does not exist.
     InputNotFound,
-    /// The server made a mistake.
+    /// Internal error of the server.
     Internal,
-    /// A parameter in the address cannot be read.
-    InvalidAddress,
-    /// No model can have this id.
+    /// The path or query cannot be parsed.
+    InvalidQuery,
+    /// Malformed model id.
     InvalidModelId,
-    /// A parameter is not as it must be.
+    /// Invalid value of a parameter.
     InvalidParameter,
-    /// A job does not stand where that is possible.
+    /// The status of the job does not permit this action.
     InvalidState,
-    /// There is no such job.
+    /// Unknown job.
     JobNotFound,
-    /// The server has no folder for jobs.
+    /// The server runs without a data folder.
     JobsDisabled,
-    /// A form cannot be read.
+    /// The multipart form cannot be parsed.
     MalformedForm,
-    /// The body is no JSON object.
+    /// The body is not a JSON object.
     MalformedJson,
-    /// A mesh is of no use.
-    MeshUnusable,
-    /// As many meshes are kept as may be.
-    MeshesFull,
-    /// The path exists, the method does not.
+    /// The mesh file is invalid.
+    InvalidMesh,
+    /// The stored meshes have reached their maximum total size.
+    MeshQuotaExceeded,
+    /// The path does not support this method.
     MethodNotAllowed,
-    /// A model no longer has the content that was asked for.
+    /// The model no longer has the requested content.
     ModelChanged,
-    /// A model has no such file.
+    /// The model has no such file.
     ModelFileNotFound,
-    /// There is no such model.
+    /// Unknown model.
     ModelNotFound,
-    /// A stream was asked for as something else.
+    /// A stream was requested in another media type.
     NotAcceptable,
-    /// Nothing lives at this path.
+    /// Unknown path.
     NotFound,
-    /// A process reports that is no longer the job's.
-    NotItsTurn,
-    /// No job made this model.
-    NotOfAJob,
-    /// The server's data cannot be read.
+    /// The reporting process is not the current worker of the job.
+    StaleWorker,
+    /// Built-in models and the default model cannot be deleted.
+    ModelReadOnly,
+    /// The database does not respond.
     NotReady,
-    /// The page has not been built.
-    PageNotBuilt,
-    /// Too many jobs wait.
+    /// The web page has not been built.
+    WebNotBuilt,
+    /// The maximum number of jobs is queued.
     QueueFull,
-    /// A file does not have these bytes.
+    /// The requested range is outside of the file.
     RangeNotSatisfiable,
-    /// There is no such record.
+    /// Unknown dataset, mesh or artifact.
     RecordNotFound,
-    /// The server's data cannot be read or written.
-    StoreFailed,
-    /// An address asks too often.
+    /// The database or a file cannot be read or written.
+    StorageFailed,
+    /// The client exceeded the rate limit of write requests.
     TooManyRequests,
-    /// A change needs the token.
+    /// The write request requires the server token.
     Unauthorized,
-    /// A job cannot be asked for that.
+    /// Unknown action on a job.
     UnknownAction,
 }

@@ -1,36 +1,36 @@
-//! Files by their hash, which never change.
+//! Artifacts: immutable files by hash.
 
-use super::content::{Content, KEPT};
-use super::{Jobs, answers};
+use super::http_content::{Content, IMMUTABLE};
+use super::{RequireScheduler, schemas};
 use crate::Problem;
-use crate::engine::Engine;
 use crate::extract::Path;
+use crate::scheduler::JobScheduler;
 use axum::http::HeaderMap;
 use axum::response::Response;
 
-/// One file, or a part of it.
+/// Downloads an artifact.
 #[utoipa::path(
-    get, path = "/artifacts/{hash}", tag = "artifacts", params(("hash" = String, Path, description = "BLAKE3, hex")),
-    responses((status = 200, description = "The file", content_type = "*/*", body = answers::Bytes), (status = 206, description = "A part of it", content_type = "*/*", body = answers::Bytes), (status = 304, description = "It is as If-None-Match says")),
+    get, path = "/artifacts/{hash}", tag = "artifacts", params(("hash" = String, Path, description = "BLAKE3 (hex)")),
+    responses((status = 200, description = "The file", content_type = "*/*", body = schemas::Bytes), (status = 206, description = "The requested range", content_type = "*/*", body = schemas::Bytes), (status = 304, description = "Not modified")),
 )]
 pub(crate) async fn get(
-    Jobs(engine): Jobs,
+    RequireScheduler(scheduler): RequireScheduler,
     Path(hash): Path<String>,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    serve(&engine, &hash, KEPT, &headers).await
+    serve(&scheduler, &hash, IMMUTABLE, &headers).await
 }
 
-/// The bytes under a hash, with leave to keep them as `cache` says.
+/// Response with the artifact of this hash, with the cache policy `cache`.
 pub(super) async fn serve(
-    engine: &Engine,
+    scheduler: &JobScheduler,
     hash: &str,
     cache: &'static str,
     headers: &HeaderMap,
 ) -> Result<Response, Problem> {
-    let missing = || Problem::no_record("artifact", hash);
-    let (bytes, content_type) = engine.store.artifact(hash).await?.ok_or_else(missing)?;
+    let missing = || Problem::record_not_found("artifact", hash);
+    let (bytes, content_type) = scheduler.store.artifact(hash).await?.ok_or_else(missing)?;
     let content =
         Content { name: hash, hash: Some(hash), bytes, content_type: &content_type, cache };
-    content.answer(headers, async |part| Ok(engine.store.contents(hash, part).await?)).await
+    content.respond(headers, async |range| Ok(scheduler.store.read_range(hash, range).await?)).await
 }

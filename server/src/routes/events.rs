@@ -1,12 +1,12 @@
-//! What happened to jobs: as a list, and as a stream.
+//! Events of jobs: as a list, and as server-sent event streams.
 
-use super::jobs::find;
-use super::list::{Stretch, limit};
-use super::{Jobs, answers};
-use crate::engine::Engine;
+use super::jobs::find_job;
+use super::pagination::{CursorPage, parse_limit};
+use super::{RequireScheduler, schemas};
 use crate::extract::{Path, Query};
 use crate::metrics::OpenStream;
-use crate::store::{Event, Type};
+use crate::scheduler::JobScheduler;
+use crate::store::{Event, EventType};
 use crate::{AppState, Problem};
 use axum::Json;
 use axum::extract::State;
@@ -21,39 +21,39 @@ use std::sync::Arc;
 use std::time::Duration;
 use utoipa::ToSchema;
 
-/// The number in `evt_17` or `17`.
-fn number(param: &str, text: &str) -> Result<i64, Problem> {
+/// Parses an event id: `evt_17` or `17`.
+fn parse_event_seq(param: &str, text: &str) -> Result<i64, Problem> {
     text.trim_start_matches("evt_")
         .parse()
-        .map_err(|_| Problem::invalid(param, "it is the id of an event, as evt_17"))
+        .map_err(|_| Problem::invalid_parameter(param, "must be an event id, e.g. evt_17"))
 }
 
-/// The type of events that is called so.
-fn kind(text: &str) -> Result<Type, Problem> {
-    Type::named(text).ok_or_else(|| {
-        let names = Type::ALL.map(Type::name).join(", ");
-        Problem::invalid("type", format!("it is one of {names}"))
+/// Parses an event type.
+fn parse_type(text: &str) -> Result<EventType, Problem> {
+    EventType::from_name(text).ok_or_else(|| {
+        let names = EventType::ALL.map(EventType::name).join(", ");
+        Problem::invalid_parameter("type", format!("must be one of {names}"))
     })
 }
 
-/// What happened to a job, oldest first.
+/// Lists the events of a job, oldest first.
 #[utoipa::path(
     get, path = "/jobs/{id}/events", tag = "events",
-    params(("id" = String, Path, description = "Id of the job"), ("after" = Option<String>, Query, description = "Id of an event"), ("limit" = Option<i64>, Query, minimum = 1, maximum = 100), ("type" = Option<String>, Query, description = "Only those of this type, as alert")),
-    responses((status = 200, description = "What happened, oldest first", body = Stretch<answers::Event>)),
+    params(("id" = String, Path, description = "Id of the job"), ("after" = Option<String>, Query, description = "Id of the last event of the previous page"), ("limit" = Option<i64>, Query, minimum = 1, maximum = 100), ("type" = Option<String>, Query, description = "Only events of this type, e.g. alert")),
+    responses((status = 200, description = "Events, oldest first", body = CursorPage<schemas::Event>)),
 )]
 pub(crate) async fn list(
-    Jobs(engine): Jobs,
+    RequireScheduler(scheduler): RequireScheduler,
     Path(id): Path<String>,
     Query(query): Query<BTreeMap<String, String>>,
 ) -> Result<Json<Value>, Problem> {
-    find(&engine, &id).await?;
-    let after = query.get("after").map_or(Ok(0), |text| number("after", text))?;
-    let asked = query.get("limit").map_or(Ok(100), |text| limit(text))?;
-    let kind = query.get("type").map(|text| kind(text)).transpose()?;
-    let mut events = engine.store.events(&[id], kind, after, asked + 1).await?;
-    let has_more = events.len() as i64 > asked;
-    events.truncate(asked as usize);
+    find_job(&scheduler, &id).await?;
+    let after = query.get("after").map_or(Ok(0), |text| parse_event_seq("after", text))?;
+    let count = query.get("limit").map_or(Ok(100), |text| parse_limit(text))?;
+    let kind = query.get("type").map(|text| parse_type(text)).transpose()?;
+    let mut events = scheduler.store.events(&[id], kind, after, count + 1).await?;
+    let has_more = events.len() as i64 > count;
+    events.truncate(count as usize);
     let id_of = |event: Option<&Event>| event.map(|event| event.json["id"].clone());
     let (first, last) = (id_of(events.first()), id_of(events.last()));
     let data: Vec<Value> = events.into_iter().map(|event| event.json).collect();
@@ -62,79 +62,87 @@ pub(crate) async fn list(
     })))
 }
 
-/// The stream of one job.
+/// Streams the events of a job.
 #[utoipa::path(
     get, path = "/jobs/{id}/stream", tag = "events",
-    params(("id" = String, Path, description = "Id of the job"), ("after" = Option<String>, Query, description = "Id of an event"), ("Last-Event-ID" = Option<String>, Header)),
-    responses((status = 200, description = "Events as they come", content_type = "text/event-stream", body = StreamedEvent), (status = 204, description = "It has ended, and all is read")),
+    params(("id" = String, Path, description = "Id of the job"), ("after" = Option<String>, Query, description = "Id of the last received event"), ("Last-Event-ID" = Option<String>, Header)),
+    responses((status = 200, description = "Event stream", content_type = "text/event-stream", body = StreamedEvent), (status = 204, description = "The job has finished and all events were received")),
 )]
 pub(crate) async fn stream_of(
     State(state): State<AppState>,
-    Jobs(engine): Jobs,
+    RequireScheduler(scheduler): RequireScheduler,
     Path(id): Path<String>,
     Query(query): Query<BTreeMap<String, String>>,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    open(&state, engine, vec![id], &query, &headers).await
+    open_stream(&state, scheduler, vec![id], &query, &headers).await
 }
 
-/// Jobs in one stream.
-const MOST_JOBS: usize = 100;
+/// Maximum number of jobs in one stream.
+const MAX_STREAM_JOBS: usize = 100;
 
-/// The stream of several jobs, or of all; the latter never ends, and begins with what happens from now on.
+/// Streams the events of several jobs, or of all jobs.
+///
+/// The stream of all jobs starts with the next event and never ends.
 #[utoipa::path(
     get, path = "/stream", tag = "events",
-    params(("jobs" = Option<String>, Query, description = "Ids with commas; all if it is left out"), ("after" = Option<String>, Query), ("Last-Event-ID" = Option<String>, Header)),
-    responses((status = 200, description = "Events of several jobs as they come", content_type = "text/event-stream", body = StreamedEvent), (status = 204, description = "All have ended, and all is read")),
+    params(("jobs" = Option<String>, Query, description = "Job ids, separated by commas; all jobs if omitted"), ("after" = Option<String>, Query), ("Last-Event-ID" = Option<String>, Header)),
+    responses((status = 200, description = "Event stream of several jobs", content_type = "text/event-stream", body = StreamedEvent), (status = 204, description = "All jobs have finished and all events were received")),
 )]
 pub(crate) async fn stream_all(
     State(state): State<AppState>,
-    Jobs(engine): Jobs,
+    RequireScheduler(scheduler): RequireScheduler,
     Query(query): Query<BTreeMap<String, String>>,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
     let Some(named) = query.get("jobs") else {
-        return open(&state, engine, Vec::new(), &query, &headers).await;
+        return open_stream(&state, scheduler, Vec::new(), &query, &headers).await;
     };
     let jobs: Vec<String> =
         named.split(',').filter(|id| !id.is_empty()).map(str::to_owned).collect();
-    if !(1..=MOST_JOBS).contains(&jobs.len()) {
-        return Err(Problem::invalid("jobs", format!("it names 1 to {MOST_JOBS} jobs: a,b")));
+    if !(1..=MAX_STREAM_JOBS).contains(&jobs.len()) {
+        return Err(Problem::invalid_parameter(
+            "jobs",
+            format!("must be 1 to {MAX_STREAM_JOBS} job ids, separated by commas"),
+        ));
     }
-    open(&state, engine, jobs, &query, &headers).await
+    open_stream(&state, scheduler, jobs, &query, &headers).await
 }
 
-/// An event on its way.
+/// Server-sent event.
 #[derive(ToSchema)]
-#[expect(dead_code, reason = "only described")]
+#[expect(dead_code, reason = "OpenAPI schema")]
 struct StreamedEvent {
-    /// Its number, for Last-Event-ID.
+    /// Sequence number, for Last-Event-ID.
     id: Option<String>,
-    /// Its type, or `done`.
+    /// Event type, or `done` after the last event.
     event: String,
-    /// The event as JSON, as the list has it.
+    /// The event as JSON, as in the list.
     data: String,
 }
 
-/// Events read at a time.
-const PAGE: i64 = 256;
+/// Number of events read at a time.
+const EVENTS_PER_READ: i64 = 256;
 
-/// A stream under way.
-struct Reader {
-    engine: Arc<Engine>,
-    /// All if none is named.
+/// State of an open event stream.
+struct EventReader {
+    scheduler: Arc<JobScheduler>,
+    /// Ids of the jobs; empty: all jobs.
     jobs: Vec<String>,
+    /// Sequence number of the last event sent.
     after: i64,
+    /// Events read and not yet sent.
     ready: std::vec::IntoIter<Event>,
-    news: tokio::sync::watch::Receiver<i64>,
+    changes: tokio::sync::watch::Receiver<i64>,
     stopping: tokio::sync::watch::Receiver<bool>,
-    is_over: bool,
+    is_finished: bool,
     _open: OpenStream,
 }
 
-async fn open(
+/// Opens an event stream; 204 if the jobs have finished and the client has all events.
+async fn open_stream(
     state: &AppState,
-    engine: Arc<Engine>,
+    scheduler: Arc<JobScheduler>,
     jobs: Vec<String>,
     query: &BTreeMap<String, String>,
     headers: &HeaderMap,
@@ -147,25 +155,25 @@ async fn open(
     }
     let resumed = headers.get("last-event-id").and_then(|value| value.to_str().ok());
     let after = match (resumed, query.get("after")) {
-        (Some(text), _) => number("Last-Event-ID", text)?,
-        (None, Some(text)) => number("after", text)?,
-        (None, None) if jobs.is_empty() => *engine.store.news().borrow(),
+        (Some(text), _) => parse_event_seq("Last-Event-ID", text)?,
+        (None, Some(text)) => parse_event_seq("after", text)?,
+        (None, None) if jobs.is_empty() => *scheduler.store.subscribe().borrow(),
         (None, None) => 0,
     };
     for id in &jobs {
-        find(&engine, id).await?;
+        find_job(&scheduler, id).await?;
     }
-    let mut reader = Reader {
-        news: engine.store.news(),
-        stopping: state.stopping(),
-        engine,
+    let mut reader = EventReader {
+        changes: scheduler.store.subscribe(),
+        stopping: state.shutdown_signal(),
+        scheduler,
         jobs,
         after,
         ready: Vec::new().into_iter(),
-        is_over: false,
+        is_finished: false,
         _open: OpenStream::new(&state.metrics),
     };
-    // A browser that is told so does not come back.
+    // A browser does not reconnect after 204.
     if reader.all_ended().await? && reader.fetch().await? == 0 {
         return Ok(StatusCode::NO_CONTENT.into_response());
     }
@@ -176,24 +184,25 @@ async fn open(
         let event = reader.next().await?;
         Some((Ok::<_, Infallible>(event), reader))
     });
-    let keep = KeepAlive::new().interval(Duration::from_secs(15)).text("still here");
+    let keep_alive = KeepAlive::new().interval(Duration::from_secs(15)).text("keep-alive");
     let events = futures_util::StreamExt::chain(first, events);
-    // The last one is for proxies, which would wait for more of it.
+    // `x-accel-buffering` disables buffering in proxies.
     let headers = [
         (header::CACHE_CONTROL, "no-store"),
         (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
         (HeaderName::from_static("x-accel-buffering"), "no"),
     ];
-    Ok((headers, Sse::new(events).keep_alive(keep)).into_response())
+    Ok((headers, Sse::new(events).keep_alive(keep_alive)).into_response())
 }
 
-impl Reader {
+impl EventReader {
+    /// Whether all jobs of the stream have finished; false for the stream of all jobs.
     async fn all_ended(&self) -> Result<bool, Problem> {
         if self.jobs.is_empty() {
             return Ok(false);
         }
         for id in &self.jobs {
-            let job = self.engine.store.job(id).await?;
+            let job = self.scheduler.store.job(id).await?;
             if job.is_some_and(|job| !job.status.is_terminal()) {
                 return Ok(false);
             }
@@ -201,15 +210,16 @@ impl Reader {
         Ok(true)
     }
 
-    /// Reads what was written down since; gives how much that is.
+    /// Reads the next events; returns their number.
     async fn fetch(&mut self) -> Result<usize, Problem> {
-        let events = self.engine.store.events(&self.jobs, None, self.after, PAGE).await?;
+        let events =
+            self.scheduler.store.events(&self.jobs, None, self.after, EVENTS_PER_READ).await?;
         let count = events.len();
         self.ready = events.into_iter();
         Ok(count)
     }
 
-    /// The next event; none once all has been said.
+    /// Waits for the next event; `None` at the end of the stream.
     async fn next(&mut self) -> Option<SseEvent> {
         loop {
             if let Some(event) = self.ready.next() {
@@ -219,21 +229,21 @@ impl Reader {
                     SseEvent::default().id(event.seq.to_string()).event(event.kind).data(text),
                 );
             }
-            if self.is_over {
+            if self.is_finished {
                 return None;
             }
-            // What is written from here on is news.
-            self.news.mark_unchanged();
+            // Marked before reading, so that later events wake the stream.
+            self.changes.mark_unchanged();
             let ended = self.all_ended().await.ok()?;
             if self.fetch().await.ok()? > 0 {
                 continue;
             }
             if ended {
-                self.is_over = true;
+                self.is_finished = true;
                 return Some(SseEvent::default().event("done").data("{}"));
             }
             tokio::select! {
-                changed = self.news.changed() => changed.ok()?,
+                changed = self.changes.changed() => changed.ok()?,
                 _ = self.stopping.wait_for(|stopping| *stopping) => return None,
             }
         }

@@ -1,4 +1,4 @@
-//! What may be asked of jobs, and its bounds.
+//! Request bodies and query parameters of job endpoints, and their limits.
 
 use crate::Problem;
 use crate::job::{DatasetParams, EncoderParams, EvaluationParams, Kind, MeshParams, PolicyParams};
@@ -7,10 +7,10 @@ use serde_json::{Map, Value};
 use std::collections::BTreeMap;
 use utoipa::ToSchema;
 
-/// What is asked for.
+/// Body of a creation request.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Request {
+pub(super) struct CreateJobRequest {
     pub(super) kind: Kind,
     #[serde(default)]
     pub(super) params: Map<String, Value>,
@@ -22,10 +22,10 @@ pub(super) struct Request {
     pub(super) priority: i64,
 }
 
-/// What is asked for, as it is described: the parameters go with the kind.
+/// OpenAPI schema of job kind and parameters; the kind determines the parameters.
 #[derive(ToSchema)]
 #[serde(tag = "kind")]
-#[expect(dead_code, reason = "only described")]
+#[expect(dead_code, reason = "OpenAPI schema")]
 pub(super) enum JobTask {
     #[serde(rename = "dataset.generate")]
     Dataset {
@@ -42,27 +42,27 @@ pub(super) enum JobTask {
     Mesh { params: MeshParams },
 }
 
-/// A request for a job, as it is described.
+/// OpenAPI schema of a creation request.
 #[derive(ToSchema)]
-#[expect(dead_code, reason = "only described")]
+#[expect(dead_code, reason = "OpenAPI schema")]
 pub(super) struct JobRequest {
     #[serde(flatten)]
     task: JobTask,
-    /// A name for people.
+    /// Display name.
     #[schema(max_length = 200)]
     name: Option<String>,
-    /// At most 16 texts.
+    /// Up to 16 text entries.
     #[schema(value_type = Option<std::collections::HashMap<String, String>>)]
     metadata: Option<Map<String, Value>>,
-    /// Higher ones begin first.
+    /// Jobs with a higher priority start first.
     priority: Option<i64>,
 }
 
-/// What can be asked of a job.
+/// Action on a job.
 #[derive(ToSchema)]
 #[serde(rename_all = "snake_case")]
-#[expect(dead_code, reason = "only described")]
-pub(super) enum Verb {
+#[expect(dead_code, reason = "OpenAPI schema")]
+pub(super) enum JobAction {
     Cancel,
     Pause,
     Resume,
@@ -70,81 +70,91 @@ pub(super) enum Verb {
     Clone,
 }
 
-/// What can be changed of a job.
+/// Changes of a job (JSON merge patch).
 #[derive(Debug, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct JobPatch {
-    /// Null takes it away.
-    #[serde(default, deserialize_with = "said")]
+    /// Display name; null removes it.
+    #[serde(default, deserialize_with = "double_option")]
     #[schema(value_type = Option<String>)]
     pub(super) name: Option<Option<String>>,
-    /// All of it anew; null takes it away.
-    #[serde(default, deserialize_with = "said")]
+    /// Replaces all metadata; null removes them.
+    #[serde(default, deserialize_with = "double_option")]
     #[schema(value_type = Option<std::collections::HashMap<String, String>>)]
     pub(super) metadata: Option<Option<Map<String, Value>>>,
     #[serde(default)]
     pub(super) priority: Option<i64>,
 }
 
-/// What is there, even if it is null: that is another wish than to leave it out (RFC 7396).
-fn said<'de, D: serde::Deserializer<'de>, T: Deserialize<'de>>(
+/// Deserializes a present member to `Some`, also if it is null: null and absence differ in a merge patch (RFC
+/// 7396).
+fn double_option<'de, D: serde::Deserializer<'de>, T: Deserialize<'de>>(
     deserializer: D,
 ) -> Result<Option<T>, D::Error> {
     T::deserialize(deserializer).map(Some)
 }
 
-/// Bounds of what may be said of a job.
-const MOST_NAME: usize = 200;
-pub(super) const MOST_METADATA: usize = 16;
-const MOST_KEY: usize = 64;
-const MOST_VALUE: usize = 512;
+/// Maximum length of a job name (bytes).
+const MAX_NAME: usize = 200;
+/// Maximum number of metadata entries.
+pub(super) const MAX_METADATA: usize = 16;
+/// Maximum length of a metadata key (bytes).
+const MAX_KEY: usize = 64;
+/// Maximum length of a metadata value (bytes).
+const MAX_VALUE: usize = 512;
 
-pub(super) fn checked_name(name: Option<&str>) -> Result<(), Problem> {
-    if name.is_some_and(|name| name.len() > MOST_NAME) {
-        return Err(Problem::invalid("name", format!("it may have {MOST_NAME} bytes at most")));
+/// Rejects a name that is too long.
+pub(super) fn check_name(name: Option<&str>) -> Result<(), Problem> {
+    if name.is_some_and(|name| name.len() > MAX_NAME) {
+        return Err(Problem::invalid_parameter(
+            "name",
+            format!("must have up to {MAX_NAME} bytes"),
+        ));
     }
     Ok(())
 }
 
-pub(super) fn checked_metadata(metadata: &Map<String, Value>) -> Result<(), Problem> {
-    let is_good = |(key, value): (&String, &Value)| {
-        key.len() <= MOST_KEY && value.as_str().is_some_and(|value| value.len() <= MOST_VALUE)
+/// Rejects metadata with too many or too long entries, or with values that are not texts.
+pub(super) fn check_metadata(metadata: &Map<String, Value>) -> Result<(), Problem> {
+    let is_valid = |(key, value): (&String, &Value)| {
+        key.len() <= MAX_KEY && value.as_str().is_some_and(|value| value.len() <= MAX_VALUE)
     };
-    if metadata.len() > MOST_METADATA || !metadata.iter().all(is_good) {
-        return Err(Problem::invalid(
+    if metadata.len() > MAX_METADATA || !metadata.iter().all(is_valid) {
+        return Err(Problem::invalid_parameter(
             "metadata",
             format!(
-                "{MOST_METADATA} entries at most: keys of {MOST_KEY} bytes, texts of {MOST_VALUE}"
+                "must have up to {MAX_METADATA} entries: keys of up to {MAX_KEY} bytes, \
+                 texts of up to {MAX_VALUE} bytes"
             ),
         ));
     }
     Ok(())
 }
 
-/// The one thing that may be asked for behind the path, true or false.
-pub(super) fn flag(query: &BTreeMap<String, String>, name: &str) -> Result<bool, Problem> {
+/// Parses the only supported query parameter, a boolean; false by default.
+pub(super) fn query_bool(query: &BTreeMap<String, String>, name: &str) -> Result<bool, Problem> {
     if let Some(other) = query.keys().find(|key| *key != name) {
-        return Err(Problem::invalid(other, "there is no such parameter"));
+        return Err(Problem::invalid_parameter(other, "unknown parameter"));
     }
     match query.get(name).map(String::as_str) {
         None | Some("false") => Ok(false),
         Some("true") => Ok(true),
-        Some(_) => Err(Problem::invalid(name, "it is true or false")),
+        Some(_) => Err(Problem::invalid_parameter(name, "must be true or false")),
     }
 }
 
-/// Reads JSON; says where it is wrong.
-pub(super) fn read_json<T: serde::de::DeserializeOwned>(body: &[u8]) -> Result<T, Problem> {
-    let value: Value =
-        serde_json::from_slice(body).map_err(|error| Problem::malformed(&error.to_string()))?;
-    // Serde would read a list of the fields' values, too.
+/// Parses a JSON object; errors name the invalid member.
+pub(super) fn parse_json<T: serde::de::DeserializeOwned>(body: &[u8]) -> Result<T, Problem> {
+    let value: Value = serde_json::from_slice(body)
+        .map_err(|error| Problem::malformed_json(&error.to_string()))?;
+    // Serde would also accept an array of the field values.
     if !value.is_object() {
-        return Err(Problem::malformed("it is a value of another kind"));
+        return Err(Problem::malformed_json("it is another JSON type"));
     }
     serde_path_to_error::deserialize(value).map_err(|error| {
         let text = error.inner().to_string();
         let path = error.path().to_string();
         let field = text.split('`').nth(1).unwrap_or_default();
-        Problem::invalid(if path == "." { field } else { &path }, text.clone())
+        Problem::invalid_parameter(if path == "." { field } else { &path }, text.clone())
     })
 }

@@ -1,17 +1,17 @@
-//! Jobs over HTTP.
+//! Job endpoints.
 
-use super::Jobs;
-use super::content::{NOT_KEPT, is_known};
+use super::RequireScheduler;
+use super::http_content::{NO_STORE, matches_if_none_match};
 use super::job_request::{
-    JobPatch, JobRequest, MOST_METADATA, Request, Verb, checked_metadata, checked_name, flag,
-    read_json,
+    CreateJobRequest, JobAction, JobPatch, JobRequest, MAX_METADATA, check_metadata, check_name,
+    parse_json, query_bool,
 };
-use super::list::{STANDARD_LIMIT, Stretch, limit};
-use crate::engine::{Answer, Engine, Report};
-use crate::extract::{Path, Query, Whole};
-use crate::guard::bearer;
+use super::pagination::{CursorPage, DEFAULT_LIMIT, parse_limit};
+use crate::auth::bearer_token;
+use crate::extract::{FullBody, Path, Query};
 use crate::job::{Job, JobView, Kind, Params, Status};
-use crate::store::{Created, Filter, News};
+use crate::scheduler::{JobScheduler, ReportReply, WorkerReport};
+use crate::store::{CreateOutcome, Filter, NewEvent};
 use crate::{AppState, Problem};
 use axum::Json;
 use axum::extract::{FromRequest, Request as Asked, State};
@@ -21,133 +21,142 @@ use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-/// Asks for a job.
+/// Creates a job.
 #[utoipa::path(
     post, path = "/jobs", tag = "jobs", request_body = JobRequest,
     params(
-        ("dry_run" = Option<bool>, Query, description = "Only answer with what would be done"),
-        ("Idempotency-Key" = Option<String>, Header, description = "The same key asks once, for a day"),
+        ("dry_run" = Option<bool>, Query, description = "Only validate, and return the job with an estimate"),
+        ("Idempotency-Key" = Option<String>, Header, description = "Repeated requests with the same key create one job, for 24 hours"),
     ),
-    responses((status = 201, description = "The job, which waits", body = JobView<'static>), (status = 200, description = "A dry run", body = JobView<'static>)),
+    responses((status = 201, description = "The queued job", body = JobView<'static>), (status = 200, description = "Result of a dry run", body = JobView<'static>)),
 )]
 pub(crate) async fn create(
     State(state): State<AppState>,
-    Jobs(engine): Jobs,
+    RequireScheduler(scheduler): RequireScheduler,
     Query(query): Query<BTreeMap<String, String>>,
     headers: HeaderMap,
-    Whole(body): Whole,
+    FullBody(body): FullBody,
 ) -> Result<Response, Problem> {
-    let is_dry = flag(&query, "dry_run")?;
+    let is_dry_run = query_bool(&query, "dry_run")?;
     let key = headers.get("idempotency-key").map(|key| key.to_str().unwrap_or_default());
     if key.is_some_and(|key| key.is_empty() || key.len() > 255) {
-        return Err(Problem::invalid("Idempotency-Key", "it has 1 to 255 visible characters"));
+        return Err(Problem::invalid_parameter(
+            "Idempotency-Key",
+            "must have 1 to 255 visible ASCII characters",
+        ));
     }
     let hash = blake3::hash(&body).to_hex().to_string();
     let key = key.map(|key| (key, hash.as_str()));
-    // Whatever has changed since: what was asked for was asked for.
-    if !is_dry && let Some(before) = engine.store.asked(key).await? {
-        return created(before);
+    // Checked first: a repeated request succeeds even if its inputs or the quotas have changed.
+    if !is_dry_run && let Some(outcome) = scheduler.store.find_idempotent(key).await? {
+        return creation_response(outcome);
     }
-    let request: Request = read_json(&body)?;
-    checked_name(request.name.as_deref())?;
-    checked_metadata(&request.metadata)?;
+    let request: CreateJobRequest = parse_json(&body)?;
+    check_name(request.name.as_deref())?;
+    check_metadata(&request.metadata)?;
     let mut params = Params::resolve(request.kind, request.params).map_err(|invalid| {
-        Problem::invalid(&format!("params.{}", invalid.param), invalid.detail)
+        Problem::invalid_parameter(&format!("params.{}", invalid.param), invalid.detail)
     })?;
-    // What `default` stands for may be another model tomorrow.
+    // Stores the resolved id, because the alias `default` can change.
     match &mut params {
-        Params::Policy(params) => params.encoder_id = state.model_of(&params.encoder_id).to_owned(),
-        Params::Evaluation(params) => params.model_id = state.model_of(&params.model_id).to_owned(),
+        Params::Policy(params) => {
+            params.encoder_id = state.resolve_model_id(&params.encoder_id).to_owned()
+        }
+        Params::Evaluation(params) => {
+            params.model_id = state.resolve_model_id(&params.model_id).to_owned()
+        }
         _ => {}
     }
-    let inputs = engine.inputs(&params).await?;
+    let inputs = scheduler.resolve_inputs(&params).await?;
     let mut job = Job::new(request.kind, params, inputs);
     (job.name, job.metadata, job.priority) = (request.name, request.metadata, request.priority);
-    if is_dry {
-        let estimate = engine.estimate(&job).await?;
-        return Ok(Json(job.draft(estimate)).into_response());
+    if is_dry_run {
+        let estimate = scheduler.estimate(&job).await?;
+        return Ok(Json(job.preview(estimate)).into_response());
     }
-    has_room(&state, &engine).await?;
-    let answer = created(engine.store.create(&job, key).await?);
-    engine.wake();
-    answer
+    check_quotas(&state, &scheduler).await?;
+    let response = creation_response(scheduler.store.create(&job, key).await?);
+    scheduler.wake();
+    response
 }
 
-/// Refuses another job where too many wait, or where the disk is full.
-async fn has_room(state: &AppState, engine: &Engine) -> Result<(), Problem> {
-    let most = state.limits.queued;
-    if engine.store.ids_in(&[Status::Queued]).await?.len() >= most {
-        return Err(Problem::queue_full(most));
+/// Rejects a new job if the queue or the disk is full.
+async fn check_quotas(state: &AppState, scheduler: &JobScheduler) -> Result<(), Problem> {
+    let max = state.quotas.max_queued;
+    if scheduler.store.ids_with_status(&[Status::Queued]).await?.len() >= max {
+        return Err(Problem::queue_full(max));
     }
-    state.limits.leave_space(engine.data())
+    state.quotas.ensure_free_space(scheduler.data_dir())
 }
 
-/// What became of asking for a job.
-fn created(created: Created) -> Result<Response, Problem> {
-    match created {
-        Created::New(job) | Created::Before(job) => {
+/// Response to a creation request.
+fn creation_response(outcome: CreateOutcome) -> Result<Response, Problem> {
+    match outcome {
+        CreateOutcome::Created(job) | CreateOutcome::Replayed(job) => {
             let headers = [(header::LOCATION, format!("/api/v1/jobs/{}", job.id))];
             Ok((StatusCode::CREATED, headers, Json(job.view())).into_response())
         }
-        Created::Other => Err(Problem::key_reused()),
-        Created::Gone => Err(Problem::key_of_deleted()),
+        CreateOutcome::KeyConflict => Err(Problem::idempotency_key_reused()),
+        CreateOutcome::JobDeleted => Err(Problem::idempotency_job_deleted()),
     }
 }
 
-/// Some jobs.
+/// Lists jobs.
 #[utoipa::path(
     get, path = "/jobs", tag = "jobs",
     params(
-        ("status" = Option<String>, Query, description = "One or more, with commas"),
-        ("kind" = Option<String>, Query, description = "One or more, with commas"),
-        ("after" = Option<String>, Query, description = "Id of the last job of the page before"),
+        ("status" = Option<String>, Query, description = "Accepted statuses, separated by commas"),
+        ("kind" = Option<String>, Query, description = "Accepted kinds, separated by commas"),
+        ("after" = Option<String>, Query, description = "Id of the last job of the previous page"),
         ("limit" = Option<i64>, Query, minimum = 1, maximum = 100),
-        ("order" = Option<String>, Query, description = "desc, newest first, or asc"),
+        ("order" = Option<String>, Query, description = "desc (newest first, default) or asc"),
     ),
-    responses((status = 200, description = "A page of jobs; `metadata[KEY]=VALUE` filters, too", body = Stretch<JobView<'static>>)),
+    responses((status = 200, description = "A page of jobs; `metadata[KEY]=VALUE` filters by metadata", body = CursorPage<JobView<'static>>)),
 )]
 pub(crate) async fn list(
-    Jobs(engine): Jobs,
+    RequireScheduler(scheduler): RequireScheduler,
     Query(query): Query<Vec<(String, String)>>,
 ) -> Result<Json<Value>, Problem> {
-    let mut filter = Filter { limit: STANDARD_LIMIT, ..Filter::default() };
+    let mut filter = Filter { limit: DEFAULT_LIMIT, ..Filter::default() };
     for (name, value) in query {
-        let words = || value.split(',').filter(|word| !word.is_empty());
+        let values = || value.split(',').filter(|value| !value.is_empty());
         match name.as_str() {
             "status" => {
-                for word in words() {
-                    let known = Status::named(word);
+                for value in values() {
+                    let status = Status::from_name(value);
                     let names = Status::ALL.map(Status::name).join(", ");
-                    let unknown = || Problem::invalid("status", format!("it is one of {names}"));
-                    filter.status.push(known.ok_or_else(unknown)?);
+                    let unknown =
+                        || Problem::invalid_parameter("status", format!("must be one of {names}"));
+                    filter.status.push(status.ok_or_else(unknown)?);
                 }
             }
             "kind" => {
-                for word in words() {
+                for value in values() {
                     let names = Kind::ALL.map(Kind::name).join(", ");
-                    let unknown = || Problem::invalid("kind", format!("it is one of {names}"));
-                    filter.kind.push(Kind::named(word).ok_or_else(unknown)?);
+                    let unknown =
+                        || Problem::invalid_parameter("kind", format!("must be one of {names}"));
+                    filter.kind.push(Kind::from_name(value).ok_or_else(unknown)?);
                 }
             }
             "after" => filter.after = Some(value),
-            "limit" => filter.limit = limit(&value)?,
+            "limit" => filter.limit = parse_limit(&value)?,
             "order" if value == "asc" || value == "desc" => filter.oldest_first = value == "asc",
-            "order" => return Err(Problem::invalid("order", "it is asc or desc")),
+            "order" => return Err(Problem::invalid_parameter("order", "must be asc or desc")),
             name => match name.strip_prefix("metadata[").and_then(|rest| rest.strip_suffix(']')) {
-                Some(_) if filter.metadata.len() == MOST_METADATA => {
-                    let most = format!("jobs have {MOST_METADATA} entries at most");
-                    return Err(Problem::invalid("metadata", most));
+                Some(_) if filter.metadata.len() == MAX_METADATA => {
+                    let reason = format!("up to {MAX_METADATA} metadata filters are supported");
+                    return Err(Problem::invalid_parameter("metadata", reason));
                 }
                 Some(key) => filter.metadata.push((key.to_owned(), value)),
-                None => return Err(Problem::invalid(name, "there is no such filter")),
+                None => return Err(Problem::invalid_parameter(name, "unknown filter")),
             },
         }
     }
-    let asked = filter.limit;
+    let limit = filter.limit;
     filter.limit += 1;
-    let mut jobs = engine.store.jobs(&filter).await?;
-    let has_more = jobs.len() as i64 > asked;
-    jobs.truncate(asked as usize);
+    let mut jobs = scheduler.store.jobs(&filter).await?;
+    let has_more = jobs.len() as i64 > limit;
+    jobs.truncate(limit as usize);
     Ok(Json(json!({
         "object": "list", "has_more": has_more,
         "first_id": jobs.first().map(|job| &job.id), "last_id": jobs.last().map(|job| &job.id),
@@ -155,115 +164,120 @@ pub(crate) async fn list(
     })))
 }
 
-/// The longest that a request may wait for a change.
-const MOST_WAIT: Duration = Duration::from_secs(60);
+/// Maximum time that a request waits for a change.
+const MAX_WAIT: Duration = Duration::from_secs(60);
 
-/// One job; with `?wait=30s`, once it has changed.
+/// Returns a job; with `?wait=30s`, after its next change.
 #[utoipa::path(
     get, path = "/jobs/{id}", tag = "jobs",
-    params(("id" = String, Path, description = "Id of the job"), ("wait" = Option<String>, Query, description = "Answer once it has changed, or after so many seconds: 30s")),
-    responses((status = 200, description = "The job", body = JobView<'static>), (status = 304, description = "It is as If-None-Match says")),
+    params(("id" = String, Path, description = "Id of the job"), ("wait" = Option<String>, Query, description = "Respond after the next change, or after this time, e.g. 30s")),
+    responses((status = 200, description = "The job", body = JobView<'static>), (status = 304, description = "Not modified")),
 )]
 pub(crate) async fn get(
-    Jobs(engine): Jobs,
+    RequireScheduler(scheduler): RequireScheduler,
     Path(id): Path<String>,
     Query(query): Query<BTreeMap<String, String>>,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    let mut news = engine.store.news();
-    let mut job = find(&engine, &id).await?;
+    let mut changes = scheduler.store.subscribe();
+    let mut job = find_job(&scheduler, &id).await?;
     if let Some(wait) = query.get("wait") {
         let seconds: f64 = wait.trim_end_matches('s').parse().unwrap_or(-1.0);
-        if !(0.0..=MOST_WAIT.as_secs_f64()).contains(&seconds) {
-            return Err(Problem::invalid("wait", "it is a number of seconds up to 60, as 30s"));
+        if !(0.0..=MAX_WAIT.as_secs_f64()).contains(&seconds) {
+            return Err(Problem::invalid_parameter(
+                "wait",
+                "must be a number of seconds up to 60, e.g. 30s",
+            ));
         }
-        // Whoever does not say what is known waits for the next change.
-        let first = tag(&job);
-        let is_known = |job: &Job| match headers.contains_key(header::IF_NONE_MATCH) {
-            true => is_known(&headers, &tag(job)),
-            false => tag(job) == first,
+        // Without If-None-Match, waits for the next change.
+        let first = etag(&job);
+        let is_unchanged = |job: &Job| match headers.contains_key(header::IF_NONE_MATCH) {
+            true => matches_if_none_match(&headers, &etag(job)),
+            false => etag(job) == first,
         };
         let changed = async {
-            while is_known(&job) && !job.status.is_terminal() {
-                if news.changed().await.is_err() {
+            while is_unchanged(&job) && !job.status.is_terminal() {
+                if changes.changed().await.is_err() {
                     break;
                 }
-                job = find(&engine, &id).await?;
+                job = find_job(&scheduler, &id).await?;
             }
             Ok::<_, Problem>(())
         };
         if let Ok(changed) = tokio::time::timeout(Duration::from_secs_f64(seconds), changed).await {
             changed?;
         }
-        job = find(&engine, &id).await?;
+        job = find_job(&scheduler, &id).await?;
     }
-    let tag = tag(&job);
-    let told = [(header::ETAG, tag.clone()), (header::CACHE_CONTROL, NOT_KEPT.into())];
-    if is_known(&headers, &tag) {
-        return Ok((StatusCode::NOT_MODIFIED, told).into_response());
+    let tag = etag(&job);
+    let caching = [(header::ETAG, tag.clone()), (header::CACHE_CONTROL, NO_STORE.into())];
+    if matches_if_none_match(&headers, &tag) {
+        return Ok((StatusCode::NOT_MODIFIED, caching).into_response());
     }
-    Ok((told, Json(job.view())).into_response())
+    Ok((caching, Json(job.view())).into_response())
 }
 
-fn tag(job: &Job) -> String {
+/// ETag of a job.
+fn etag(job: &Job) -> String {
     format!("\"{}\"", job.revision)
 }
 
-pub(super) async fn find(engine: &Engine, id: &str) -> Result<Job, Problem> {
-    engine.store.job(id).await?.ok_or_else(|| Problem::no_job(id))
+/// The job with this id.
+pub(super) async fn find_job(scheduler: &JobScheduler, id: &str) -> Result<Job, Problem> {
+    scheduler.store.job(id).await?.ok_or_else(|| Problem::job_not_found(id))
 }
 
-/// What can be done to a job.
+/// Performs an action on a job: cancel, pause, resume, retry or clone.
 #[utoipa::path(
-    post, path = "/jobs/{id}/{verb}", tag = "jobs",
-    params(("id" = String, Path, description = "Id of the job"), ("verb" = inline(Verb), Path, description = "What is asked of it")),
-    responses((status = 202, description = "The job; of clone, the new one", body = JobView<'static>)),
+    post, path = "/jobs/{id}/{action}", tag = "jobs",
+    params(("id" = String, Path, description = "Id of the job"), ("action" = inline(JobAction), Path, description = "Action")),
+    responses((status = 202, description = "The job; for clone, the new job", body = JobView<'static>)),
 )]
-pub(crate) async fn act(
+pub(crate) async fn action(
     State(state): State<AppState>,
-    Jobs(engine): Jobs,
-    Path((id, verb)): Path<(String, String)>,
+    RequireScheduler(scheduler): RequireScheduler,
+    Path((id, action)): Path<(String, String)>,
 ) -> Result<Response, Problem> {
-    let job = match verb.as_str() {
-        "cancel" => engine.cancel(&id).await?,
-        "pause" => engine.pause(&id).await?,
-        "resume" => engine.resume(&id).await?,
-        "retry" => engine.retry(&id).await?,
+    let job = match action.as_str() {
+        "cancel" => scheduler.cancel(&id).await?,
+        "pause" => scheduler.pause(&id).await?,
+        "resume" => scheduler.resume(&id).await?,
+        "retry" => scheduler.retry(&id).await?,
         "clone" => {
-            let original = find(&engine, &id).await?;
-            // What it works on may have been deleted.
-            let inputs = engine.inputs(&original.params).await?;
-            has_room(&state, &engine).await?;
+            let original = find_job(&scheduler, &id).await?;
+            // The inputs may have been deleted.
+            let inputs = scheduler.resolve_inputs(&original.params).await?;
+            check_quotas(&state, &scheduler).await?;
             let mut copy = Job::new(original.kind, original.params, inputs);
             (copy.name, copy.metadata) = (original.name, original.metadata);
             copy.priority = original.priority;
-            engine.store.create(&copy, None).await?;
-            engine.wake();
+            scheduler.store.create(&copy, None).await?;
+            scheduler.wake();
             copy
         }
-        _ => return Err(Problem::no_verb(&verb)),
+        _ => return Err(Problem::unknown_action(&action)),
     };
     let location = format!("/api/v1/jobs/{}", job.id);
     Ok((StatusCode::ACCEPTED, [(header::LOCATION, location)], Json(job.view())).into_response())
 }
 
-/// Changes name, metadata or, while it waits, priority.
+/// Changes the name, the metadata or, while the job is queued, the priority.
 #[utoipa::path(
     patch, path = "/jobs/{id}", tag = "jobs", request_body = JobPatch, params(("id" = String, Path, description = "Id of the job")),
     responses((status = 200, description = "The job", body = JobView<'static>)),
 )]
 pub(crate) async fn patch(
-    Jobs(engine): Jobs,
+    RequireScheduler(scheduler): RequireScheduler,
     Path(id): Path<String>,
-    Whole(body): Whole,
+    FullBody(body): FullBody,
 ) -> Result<Response, Problem> {
-    let patch: JobPatch = read_json(&body)?;
-    checked_name(patch.name.as_ref().and_then(Option::as_deref))?;
-    patch.metadata.as_ref().and_then(Option::as_ref).map_or(Ok(()), checked_metadata)?;
-    let change = |job: &mut Job, _: &mut Vec<News>| {
+    let patch: JobPatch = parse_json(&body)?;
+    check_name(patch.name.as_ref().and_then(Option::as_deref))?;
+    patch.metadata.as_ref().and_then(Option::as_ref).map_or(Ok(()), check_metadata)?;
+    let update = |job: &mut Job, _: &mut Vec<NewEvent>| {
         if let Some(priority) = patch.priority {
             if job.status != Status::Queued {
-                return Err(Problem::invalid_state(job, "moved in the queue"));
+                return Err(Problem::invalid_state(job, "reprioritized"));
             }
             job.priority = priority;
         }
@@ -275,50 +289,50 @@ pub(crate) async fn patch(
         }
         Ok(())
     };
-    let changed = engine.store.change(&id, change).await?;
-    let (job, ()) = changed.ok_or_else(|| Problem::no_job(&id))??;
+    let updated = scheduler.store.update(&id, update).await?;
+    let (job, ()) = updated.ok_or_else(|| Problem::job_not_found(&id))??;
     Ok(Json(job.view()).into_response())
 }
 
-/// Forgets a job that has ended.
+/// Deletes a finished job.
 #[utoipa::path(
-    delete, path = "/jobs/{id}", tag = "jobs", params(("id" = String, Path, description = "Id of the job"), ("artifacts" = Option<bool>, Query, description = "Its files, too, but for those of models")),
-    responses((status = 204, description = "It is forgotten")),
+    delete, path = "/jobs/{id}", tag = "jobs", params(("id" = String, Path, description = "Id of the job"), ("artifacts" = Option<bool>, Query, description = "Also delete its files, except those of models")),
+    responses((status = 204, description = "The job is deleted")),
 )]
 pub(crate) async fn delete(
-    Jobs(engine): Jobs,
+    RequireScheduler(scheduler): RequireScheduler,
     Path(id): Path<String>,
     Query(query): Query<BTreeMap<String, String>>,
 ) -> Result<StatusCode, Problem> {
-    let with_files = flag(&query, "artifacts")?;
-    let job = find(&engine, &id).await?;
+    let delete_files = query_bool(&query, "artifacts")?;
+    let job = find_job(&scheduler, &id).await?;
     if !job.status.is_terminal() {
         return Err(Problem::invalid_state(&job, "deleted"));
     }
-    if with_files {
-        engine.store.forget_files(&id, None).await?;
+    if delete_files {
+        scheduler.store.delete_files(&id, None).await?;
     }
-    engine.store.delete(&id).await?;
-    engine.remove_folder(&id).await;
+    scheduler.store.delete_job(&id).await?;
+    scheduler.remove_job_dir(&id).await;
     Ok(StatusCode::NO_CONTENT)
 }
 
-/// Hears the process of a job.
+/// Receives a report of the worker of a job.
 #[utoipa::path(
-    post, path = "/jobs/{id}/reports", tag = "processes", params(("id" = String, Path, description = "Id of the job")), request_body = Report,
-    responses((status = 200, description = "What the process is to do", body = Answer)),
+    post, path = "/jobs/{id}/reports", tag = "workers", params(("id" = String, Path, description = "Id of the job")), request_body = WorkerReport,
+    responses((status = 200, description = "Instruction to the worker", body = ReportReply)),
 )]
 pub(crate) async fn report(
-    Jobs(engine): Jobs,
+    RequireScheduler(scheduler): RequireScheduler,
     Path(id): Path<String>,
     headers: HeaderMap,
-    asked: Asked,
+    request: Asked,
 ) -> Result<Response, Problem> {
-    // A stranger's report is not even read.
-    if !engine.is_its_turn(&id, bearer(&headers)).await? {
-        return Err(Problem::not_its_turn());
+    // Authorized before the body is read.
+    if !scheduler.is_current_token(&id, bearer_token(&headers)).await? {
+        return Err(Problem::stale_worker());
     }
-    let Whole(body) = Whole::from_request(asked, &()).await?;
-    let report: Report = read_json(&body)?;
-    Ok(Json(engine.hear(&id, bearer(&headers), report).await?).into_response())
+    let FullBody(body) = FullBody::from_request(request, &()).await?;
+    let report: WorkerReport = parse_json(&body)?;
+    Ok(Json(scheduler.apply_report(&id, bearer_token(&headers), report).await?).into_response())
 }

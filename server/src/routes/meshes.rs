@@ -1,8 +1,8 @@
-//! Meshes that are uploaded: the same bytes are the same mesh.
+//! Uploaded meshes, identified by their contents: equal bytes are the same mesh.
 
-use super::content::KEPT;
-use super::list::Page;
-use super::{Jobs, answers, artifacts};
+use super::http_content::IMMUTABLE;
+use super::pagination::Page;
+use super::{RequireScheduler, artifacts, schemas};
 use crate::extract::{Path, Query};
 use crate::store::RecordKind;
 use crate::{AppState, Problem};
@@ -13,7 +13,7 @@ use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use chrono::Utc;
 use futures_util::StreamExt;
-use geometry::mesh::{self, Report};
+use mesh::MeshSummary;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -22,104 +22,108 @@ use tokio::io::AsyncWriteExt;
 use tokio::sync::{Mutex, Semaphore};
 use utoipa::ToSchema;
 
-/// Characters of a file's name that are kept.
-const MOST_NAME: usize = 100;
+/// Maximum length of a stored file name (characters).
+const MAX_NAME_CHARS: usize = 100;
 
-/// Takes a mesh, raw or as the first file of a form, and says what it is.
+/// Uploads and inspects a mesh.
+///
+/// The file is the body, or the first file of a form.
 #[utoipa::path(
-    post, path = "/meshes", tag = "meshes", params(("name" = Option<String>, Query, description = "Name of the file")),
-    request_body(content((answers::Bytes = "application/octet-stream"), (Form = "multipart/form-data")), description = "OBJ, STL, PLY, OFF, GLB or glTF"),
-    responses((status = 201, description = "What the mesh is", body = answers::Mesh), (status = 200, description = "The same bytes are there", body = answers::Mesh)),
+    post, path = "/meshes", tag = "meshes", params(("name" = Option<String>, Query, description = "File name")),
+    request_body(content((schemas::Bytes = "application/octet-stream"), (MeshForm = "multipart/form-data")), description = "OBJ, STL, PLY, OFF, GLB or glTF"),
+    responses((status = 201, description = "The new mesh", body = schemas::Mesh), (status = 200, description = "The mesh already exists", body = schemas::Mesh)),
 )]
 pub(crate) async fn upload(
     State(state): State<AppState>,
-    Jobs(engine): Jobs,
+    RequireScheduler(scheduler): RequireScheduler,
     Query(query): Query<BTreeMap<String, String>>,
     request: Request,
 ) -> Result<Response, Problem> {
-    state.limits.leave_space(engine.data())?;
-    let most = state.limits.kept_mesh_bytes;
-    if engine.store.bytes_of(RecordKind::Mesh).await? >= most {
-        return Err(Problem::meshes_full(most));
+    state.quotas.ensure_free_space(scheduler.data_dir())?;
+    let max_total = state.quotas.max_total_mesh_bytes;
+    if scheduler.store.total_bytes(RecordKind::Mesh).await? >= max_total {
+        return Err(Problem::mesh_quota_exceeded(max_total));
     }
-    let given = query.get("name").cloned();
-    let incoming =
-        NamedTempFile::new_in(engine.incoming()).map_err(|error| Problem::unreadable(&error))?;
-    let read = tokio::time::timeout(MOST_TIME, read(given, request, &incoming)).await;
-    let read = read.map_err(|_| Problem::too_slow(MOST_TIME))?;
-    // The disk may have become full meanwhile.
-    let name = plain(&read.or_else(|refused| {
-        state.limits.leave_space(engine.data())?;
-        Err(refused)
+    let given_name = query.get("name").cloned();
+    let upload = NamedTempFile::new_in(scheduler.uploads_dir())
+        .map_err(|error| Problem::file_unreadable(&error))?;
+    let received =
+        tokio::time::timeout(UPLOAD_TIMEOUT, receive(given_name, request, &upload)).await;
+    let received = received.map_err(|_| Problem::request_timeout(UPLOAD_TIMEOUT))?;
+    // Reports a full disk instead, if that is the cause.
+    let name = sanitize_name(&received.or_else(|problem| {
+        state.quotas.ensure_free_space(scheduler.data_dir())?;
+        Err(problem)
     })?);
-    let one_of_few = INSPECTIONS.acquire().await;
-    let bytes = tokio::fs::read(incoming.path()).await.map_err(|e| Problem::unreadable(&e))?;
+    let permit = PARSE_PERMITS.acquire().await;
+    let bytes = tokio::fs::read(upload.path()).await.map_err(|e| Problem::file_unreadable(&e))?;
     let inspected = tokio::task::spawn_blocking(move || {
-        // Whoever hangs up meanwhile does not make room: the work goes on.
-        let _one_of_few = one_of_few;
-        let report = mesh::import(&bytes, None).and_then(|import| Report::of(&import));
-        (report, bytes)
+        // Held until the inspection ends, even if the client disconnects.
+        let _permit = permit;
+        let summary = mesh::import(&bytes, None).and_then(|import| MeshSummary::of(&import));
+        (summary, bytes)
     });
-    let (report, bytes) = inspected.await.map_err(|_| Problem::unusable_mesh(UNREADABLE))?;
-    let report = report.map_err(|error| Problem::unusable_mesh(&error.to_string()))?;
+    let (summary, bytes) = inspected.await.map_err(|_| Problem::invalid_mesh(PARSER_PANICKED))?;
+    let summary = summary.map_err(|error| Problem::invalid_mesh(&error.to_string()))?;
     let id = format!("msh_{}", &blake3::hash(&bytes).to_hex()[..16]);
-    let _alone = KEEPING.lock().await;
-    if let Some(known) = engine.store.record(RecordKind::Mesh, &id).await? {
+    let _guard = MESH_LOCK.lock().await;
+    if let Some(known) = scheduler.store.record(RecordKind::Mesh, &id).await? {
         return Ok(Json(known).into_response());
     }
-    // Others may have sent theirs meanwhile.
-    state.limits.leave_space(engine.data())?;
-    if engine.store.bytes_of(RecordKind::Mesh).await? + bytes.len() as u64 > most {
-        return Err(Problem::meshes_full(most));
+    // Checked again, because concurrent uploads may have used the space.
+    state.quotas.ensure_free_space(scheduler.data_dir())?;
+    if scheduler.store.total_bytes(RecordKind::Mesh).await? + bytes.len() as u64 > max_total {
+        return Err(Problem::mesh_quota_exceeded(max_total));
     }
-    let artifact = engine.store.keep_bytes(&id, &name, bytes).await?;
+    let artifact = scheduler.store.put_bytes(&id, &name, bytes).await?;
     let record = json!({
         "id": id, "object": "mesh", "name": name, "hash": artifact.hash, "bytes": artifact.bytes,
-        "created_at": Utc::now(), "report": report,
+        "created_at": Utc::now(), "summary": summary,
         "urls": {
             "self": format!("/api/v1/meshes/{id}"), "file": format!("/api/v1/meshes/{id}/file"),
         },
     });
-    engine.store.add_record(RecordKind::Mesh, &id, &record).await?;
-    state.metrics.uploaded.inc_by(artifact.bytes);
+    scheduler.store.add_record(RecordKind::Mesh, &id, &record).await?;
+    state.metrics.uploaded_bytes.inc_by(artifact.bytes);
     let location = [(header::LOCATION, format!("/api/v1/meshes/{id}"))];
     Ok((StatusCode::CREATED, location, Json(record)).into_response())
 }
 
-/// A form with a file.
+/// Form with a mesh file.
 #[derive(ToSchema)]
-#[expect(dead_code, reason = "only described")]
-struct Form {
-    /// The first file counts, whatever its field is called.
-    file: answers::Bytes,
+#[expect(dead_code, reason = "OpenAPI schema")]
+struct MeshForm {
+    /// The first file of the form is used; its field name is ignored.
+    file: schemas::Bytes,
 }
 
-/// Held by whoever keeps a mesh or forgets one: a mesh is a file and a record.
-static KEEPING: Mutex<()> = Mutex::const_new(());
+/// Held while a mesh is added or deleted, so that its file and its record stay consistent.
+static MESH_LOCK: Mutex<()> = Mutex::const_new(());
 
-/// How long an upload may take: the largest one at 100 kB/s.
-const MOST_TIME: Duration = Duration::from_secs(600);
+/// Maximum duration of an upload: about the largest file at 100 kB/s.
+const UPLOAD_TIMEOUT: Duration = Duration::from_secs(600);
 
-/// Meshes that are looked into at a time: what they become in memory is many times what they are in a file.
-static INSPECTIONS: Semaphore = Semaphore::const_new(2);
+/// Limits concurrent inspections: a parsed mesh needs many times the memory of its file.
+static PARSE_PERMITS: Semaphore = Semaphore::const_new(2);
 
-const UNREADABLE: &str = "it could not be read. Try another file";
+/// Message if the parser panics.
+const PARSER_PANICKED: &str = "the mesh cannot be parsed. Try another file";
 
-/// Writes what is uploaded to a file, and gives its name; refused as soon as it is known to be too long. However many
-/// send at a time, and however slowly: what they have sent of a file lies on the disk.
-async fn read(
-    given: Option<String>,
+/// Writes an upload to a file and returns its name; rejected as soon as it exceeds the size limit. Writing to
+/// disk bounds the memory of many slow uploads.
+async fn receive(
+    given_name: Option<String>,
     request: Request,
-    incoming: &NamedTempFile,
+    upload: &NamedTempFile,
 ) -> Result<String, Problem> {
-    let unwritable = |error: std::io::Error| Problem::unreadable(&error);
-    let mut file = tokio::fs::File::from_std(incoming.reopen().map_err(unwritable)?);
-    // A body cannot be shared between threads, so nothing of the request is held while it is read.
+    let unwritable = |error: std::io::Error| Problem::file_unreadable(&error);
+    let mut file = tokio::fs::File::from_std(upload.reopen().map_err(unwritable)?);
+    // The body is not `Sync`, so no reference to the request is held across an await.
     let headers = request.headers().clone();
     let header = |name| headers.get(name).and_then(|value| value.to_str().ok());
     let length: Option<usize> = header(header::CONTENT_LENGTH).and_then(|text| text.parse().ok());
-    if length.is_some_and(|length| length > MOST_BYTES + FORM) {
-        return Err(Problem::too_large(MOST_BYTES));
+    if length.is_some_and(|length| length > MAX_MESH_BYTES + FORM_OVERHEAD) {
+        return Err(Problem::body_too_large(MAX_MESH_BYTES));
     }
     let is_form =
         header(header::CONTENT_TYPE).is_some_and(|kind| kind.starts_with("multipart/form-data"));
@@ -127,126 +131,128 @@ async fn read(
         let mut form = Multipart::from_request(request, &())
             .await
             .map_err(|error| Problem::malformed_form(&error.body_text()))?;
-        let bad = |error: MultipartError| match error.status() {
-            StatusCode::PAYLOAD_TOO_LARGE => Problem::too_large(MOST_BYTES),
+        let form_error = |error: MultipartError| match error.status() {
+            StatusCode::PAYLOAD_TOO_LARGE => Problem::body_too_large(MAX_MESH_BYTES),
             _ => Problem::malformed_form(&error.body_text()),
         };
         let mut fields = 0;
         let (name, mut field) = loop {
-            let field = form.next_field().await.map_err(bad)?;
-            let field = field.ok_or_else(|| Problem::malformed_form("the form has no file"))?;
+            let field = form.next_field().await.map_err(form_error)?;
+            let field =
+                field.ok_or_else(|| Problem::malformed_form("the form contains no file"))?;
             fields += 1;
-            if fields > MOST_FIELDS {
+            if fields > MAX_FORM_FIELDS {
                 return Err(Problem::malformed_form("the form has too many fields"));
             }
             if let Some(name) = field.file_name() {
                 break (name.to_owned(), field);
             }
         };
-        let mut taken = 0;
-        while let Some(chunk) = field.chunk().await.map_err(bad)? {
-            taken = room(taken, chunk.len())?;
+        let mut received = 0;
+        while let Some(chunk) = field.chunk().await.map_err(form_error)? {
+            received = checked_len(received, chunk.len())?;
             file.write_all(&chunk).await.map_err(unwritable)?;
         }
-        given.unwrap_or(name)
+        given_name.unwrap_or(name)
     } else {
         let mut body = request.into_body().into_data_stream();
-        let mut taken = 0;
+        let mut received = 0;
         while let Some(chunk) = body.next().await {
-            let chunk = chunk.map_err(|error| Problem::broken_off(&error.to_string()))?;
-            taken = room(taken, chunk.len())?;
+            let chunk = chunk.map_err(|error| Problem::incomplete_body(&error.to_string()))?;
+            received = checked_len(received, chunk.len())?;
             file.write_all(&chunk).await.map_err(unwritable)?;
         }
-        given.unwrap_or_else(|| "mesh".into())
+        given_name.unwrap_or_else(|| "mesh".into())
     };
     file.flush().await.map_err(unwritable)?;
     Ok(name)
 }
 
-/// Longest file (bytes); a page reads longer ones, which need not be sent.
-pub(super) const MOST_BYTES: usize = 50_000_000;
+/// Maximum length of a mesh file (bytes). The page itself opens longer files, because it does not upload
+/// them.
+pub(super) const MAX_MESH_BYTES: usize = 50_000_000;
 
-/// Bytes of a form about its file.
-pub(super) const FORM: usize = 4096;
+/// Maximum length of a form in addition to its file (bytes).
+pub(super) const FORM_OVERHEAD: usize = 4096;
 
-/// Fields of a form before its file.
-const MOST_FIELDS: usize = 16;
+/// Maximum number of fields before the file of a form.
+const MAX_FORM_FIELDS: usize = 16;
 
-/// The length with some more bytes, if that is not too long.
-fn room(taken: usize, more: usize) -> Result<usize, Problem> {
-    Some(taken + more)
-        .filter(|all| *all <= MOST_BYTES)
-        .ok_or_else(|| Problem::too_large(MOST_BYTES))
+/// Sum of the received and additional bytes; rejected above [`MAX_MESH_BYTES`].
+fn checked_len(received: usize, additional: usize) -> Result<usize, Problem> {
+    Some(received + additional)
+        .filter(|total| *total <= MAX_MESH_BYTES)
+        .ok_or_else(|| Problem::body_too_large(MAX_MESH_BYTES))
 }
 
-/// A name without folders or anything that is not shown.
-fn plain(name: &str) -> String {
+/// File name without folders and control characters; `mesh` if nothing remains.
+fn sanitize_name(name: &str) -> String {
     let last = name.rsplit(['/', '\\']).next().unwrap_or_default();
-    let shown: String = last.chars().filter(|c| !c.is_control()).take(MOST_NAME).collect();
-    if shown.trim_matches('.').is_empty() { "mesh".into() } else { shown }
+    let printable: String = last.chars().filter(|c| !c.is_control()).take(MAX_NAME_CHARS).collect();
+    if printable.trim_matches('.').is_empty() { "mesh".into() } else { printable }
 }
 
-/// All of them, newest first.
+/// Lists the meshes.
 #[utoipa::path(
     get, path = "/meshes", tag = "meshes",
     params(("after" = Option<String>, Query), ("limit" = Option<i64>, Query, minimum = 1, maximum = 100)),
-    responses((status = 200, description = "Meshes, newest first", body = Page<answers::Mesh>)),
+    responses((status = 200, description = "Meshes, newest first", body = Page<schemas::Mesh>)),
 )]
 pub(crate) async fn list(
-    Jobs(engine): Jobs,
+    RequireScheduler(scheduler): RequireScheduler,
     Query(query): Query<BTreeMap<String, String>>,
 ) -> Result<Json<Value>, Problem> {
-    super::list::records(&engine, RecordKind::Mesh, &query).await
+    super::pagination::list_records(&scheduler, RecordKind::Mesh, &query).await
 }
 
-/// What is known of one.
+/// Returns a mesh.
 #[utoipa::path(
     get, path = "/meshes/{id}", tag = "meshes", params(("id" = String, Path)),
-    responses((status = 200, description = "What the mesh is", body = answers::Mesh)),
+    responses((status = 200, description = "The mesh", body = schemas::Mesh)),
 )]
 pub(crate) async fn get(
-    Jobs(engine): Jobs,
+    RequireScheduler(scheduler): RequireScheduler,
     Path(id): Path<String>,
 ) -> Result<Json<Value>, Problem> {
-    let record = engine.store.record(RecordKind::Mesh, &id).await?;
-    Ok(Json(record.ok_or_else(|| Problem::no_record("mesh", &id))?))
+    let record = scheduler.store.record(RecordKind::Mesh, &id).await?;
+    Ok(Json(record.ok_or_else(|| Problem::record_not_found("mesh", &id))?))
 }
 
-/// Its bytes.
+/// Downloads the file of a mesh.
 #[utoipa::path(
     get, path = "/meshes/{id}/file", tag = "meshes", params(("id" = String, Path)),
     responses(
-        (status = 200, description = "Its bytes", content_type = "*/*", body = answers::Bytes),
-        (status = 206, description = "A part of them", content_type = "*/*", body = answers::Bytes),
-        (status = 304, description = "They are as If-None-Match says"),
+        (status = 200, description = "The file", content_type = "*/*", body = schemas::Bytes),
+        (status = 206, description = "The requested range", content_type = "*/*", body = schemas::Bytes),
+        (status = 304, description = "Not modified"),
     ),
 )]
 pub(crate) async fn file(
-    Jobs(engine): Jobs,
+    RequireScheduler(scheduler): RequireScheduler,
     Path(id): Path<String>,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    let record = engine.store.record(RecordKind::Mesh, &id).await?;
-    let record = record.ok_or_else(|| Problem::no_record("mesh", &id))?;
+    let record = scheduler.store.record(RecordKind::Mesh, &id).await?;
+    let record = record.ok_or_else(|| Problem::record_not_found("mesh", &id))?;
     let hash = record["hash"].as_str().unwrap_or_default();
-    artifacts::serve(&engine, hash, KEPT, &headers).await
+    artifacts::serve(&scheduler, hash, IMMUTABLE, &headers).await
 }
 
-/// Forgets one; jobs that have begun with it have a copy.
+/// Deletes a mesh; jobs that have started with it keep a copy.
 #[utoipa::path(
     delete, path = "/meshes/{id}", tag = "meshes", params(("id" = String, Path)),
-    responses((status = 204, description = "It is forgotten")),
+    responses((status = 204, description = "The mesh is deleted")),
 )]
 pub(crate) async fn delete(
-    Jobs(engine): Jobs,
+    RequireScheduler(scheduler): RequireScheduler,
     Path(id): Path<String>,
 ) -> Result<StatusCode, Problem> {
-    let _alone = KEEPING.lock().await;
-    if engine.store.record(RecordKind::Mesh, &id).await?.is_none() {
-        return Err(Problem::no_record("mesh", &id));
+    let _guard = MESH_LOCK.lock().await;
+    if scheduler.store.record(RecordKind::Mesh, &id).await?.is_none() {
+        return Err(Problem::record_not_found("mesh", &id));
     }
-    engine.store.forget(RecordKind::Mesh, &id).await?;
-    engine.store.forget_files(&id, None).await?;
+    scheduler.store.delete_record(RecordKind::Mesh, &id).await?;
+    scheduler.store.delete_files(&id, None).await?;
     Ok(StatusCode::NO_CONTENT)
 }
 
@@ -255,8 +261,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_name_leads_nowhere() {
-        for (given, kept) in [
+    fn file_name_is_stripped_of_folders_and_control_characters() {
+        for (given, sanitized) in [
             ("mug.stl", "mug.stl"),
             ("../../etc/passwd", "passwd"),
             ("C:\\temp\\mug.obj", "mug.obj"),
@@ -264,8 +270,8 @@ mod tests {
             ("", "mesh"),
             ("a\0b\nc", "abc"),
         ] {
-            assert_eq!(plain(given), kept, "{given:?}");
+            assert_eq!(sanitize_name(given), sanitized, "{given:?}");
         }
-        assert_eq!(plain(&"x".repeat(1000)).len(), MOST_NAME);
+        assert_eq!(sanitize_name(&"x".repeat(1000)).len(), MAX_NAME_CHARS);
     }
 }

@@ -1,13 +1,13 @@
-//! Models: the list, the card, and the files that the page fetches.
+//! Models: list, details and files.
 
-use super::content::{CHECKED, Content, KEPT, part_of};
-use super::list::Page;
-use super::{Jobs, answers, artifacts};
+use super::http_content::{Content, IMMUTABLE, REVALIDATE, read_range};
+use super::pagination::Page;
+use super::{RequireScheduler, artifacts, schemas};
 use crate::extract::{Path, Query};
-use crate::model::{Model, ModelFile, OF_JOB};
-use crate::state::{DEFAULT, Hashed};
+use crate::model::{BuiltInModel, JOB_MODEL_PREFIX, ModelFile};
+use crate::state::{DEFAULT_MODEL_ID, FileHash};
 use crate::store::RecordKind;
-use crate::{AppState, Code, Problem};
+use crate::{AppState, Problem, ProblemCode};
 use axum::Json;
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode, Uri};
@@ -15,52 +15,54 @@ use axum::response::Response;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 
-/// All models that have weights: those that were there before by id, then those of jobs, newest first.
+/// Lists the models: the built-in ones by id, then trained ones, newest first.
 #[utoipa::path(
     get, path = "/models", tag = "models",
     params(
-        ("after" = Option<String>, Query, description = "Id of the last model of the page before: one of a job"),
-        ("limit" = Option<i64>, Query, minimum = 1, maximum = 1000, description = "Models of jobs"),
+        ("after" = Option<String>, Query, description = "Id of the last model of the previous page; must be a trained model"),
+        ("limit" = Option<i64>, Query, minimum = 1, maximum = 1000, description = "Maximum number of trained models"),
     ),
-    responses((status = 200, description = "Models with their files and cards", body = Page<answers::Model>)),
+    responses((status = 200, description = "Models with their files and cards", body = Page<schemas::Model>)),
 )]
 pub(crate) async fn list(
     State(state): State<AppState>,
     Query(query): Query<BTreeMap<String, String>>,
 ) -> Result<Json<Value>, Problem> {
-    let limit = query.get("limit").map_or(Ok(MOST_OF_JOBS), |text| {
-        let limit = text.parse().ok().filter(|limit| (1..=MOST_OF_JOBS).contains(limit));
-        let bounds = || format!("it is a number from 1 to {MOST_OF_JOBS}");
-        limit.ok_or_else(|| Problem::invalid("limit", bounds()))
+    let limit = query.get("limit").map_or(Ok(MAX_JOB_MODELS), |text| {
+        let limit = text.parse().ok().filter(|limit| (1..=MAX_JOB_MODELS).contains(limit));
+        let bounds = || format!("must be a number from 1 to {MAX_JOB_MODELS}");
+        limit.ok_or_else(|| Problem::invalid_parameter("limit", bounds()))
     })?;
     let after = query.get("after");
     let (mut data, mut has_more) = (Vec::new(), false);
     if after.is_none() {
-        for model in Model::all(&state).await? {
+        for model in BuiltInModel::all(&state).await? {
             data.push(model.describe(&state).await?);
         }
     }
-    if let Some(engine) = &state.engine {
+    if let Some(scheduler) = &state.scheduler {
         let records;
-        (records, has_more) = super::list::page(engine, RecordKind::Model, after, limit).await?;
-        data.extend(records.into_iter().map(described));
+        (records, has_more) =
+            super::pagination::page_of_records(scheduler, RecordKind::Model, after, limit).await?;
+        data.extend(records.into_iter().map(with_file_urls));
     }
     Ok(Json(json!({ "object": "list", "data": data, "has_more": has_more })))
 }
 
-/// Models of jobs in a list at most.
-const MOST_OF_JOBS: i64 = 1000;
+/// Maximum number of trained models per page.
+const MAX_JOB_MODELS: i64 = 1000;
 
-/// The record of a job's model, if it is one.
-async fn of_job(state: &AppState, id: &str) -> Result<Option<Value>, Problem> {
-    let Some(engine) = state.engine.as_ref().filter(|_| id.starts_with(OF_JOB)) else {
+/// Record of a trained model; `None` if the id is not one of a trained model.
+async fn job_model(state: &AppState, id: &str) -> Result<Option<Value>, Problem> {
+    let Some(scheduler) = state.scheduler.as_ref().filter(|_| id.starts_with(JOB_MODEL_PREFIX))
+    else {
         return Ok(None);
     };
-    Ok(engine.store.record(RecordKind::Model, id).await?)
+    Ok(scheduler.store.record(RecordKind::Model, id).await?)
 }
 
-/// The record of a job's model with the addresses of its files, each under the name that the files of all models have.
-fn described(mut record: Value) -> Value {
+/// Adds URLs to the files of a trained model, and names the files as those of built-in models.
+fn with_file_urls(mut record: Value) -> Value {
     let id = record["id"].as_str().unwrap_or_default().to_owned();
     let Some(files) = record["files"].as_object_mut() else { return record };
     let named = std::mem::take(files).into_iter().map(|(file_name, mut file)| {
@@ -77,69 +79,72 @@ fn described(mut record: Value) -> Value {
     record
 }
 
-/// One model, with what evaluations counted of it.
+/// Returns a model with its evaluations.
 #[utoipa::path(
     get, path = "/models/{id}", tag = "models", params(("id" = String, Path)),
-    responses((status = 200, description = "Its files and card", body = answers::Model)),
+    responses((status = 200, description = "Files, card and evaluations", body = schemas::Model)),
 )]
-pub(crate) async fn card(
+pub(crate) async fn get(
     State(state): State<AppState>,
     Path(id): Path<String>,
 ) -> Result<Json<Value>, Problem> {
-    let id = state.model_of(&id);
-    let (mut told, hash) = match of_job(&state, id).await? {
-        // Its id is made of its files.
-        Some(record) => (described(record), None),
+    let id = state.resolve_model_id(&id);
+    let (mut json, hash) = match job_model(&state, id).await? {
+        // The id is derived from the files, so evaluations by id always refer to these files.
+        Some(record) => (with_file_urls(record), None),
         None => {
-            let model = Model::find(&state, id).await?;
+            let model = BuiltInModel::find(&state, id).await?;
             (model.describe(&state).await?, model.hash(&state).await?)
         }
     };
-    if let Some(engine) = &state.engine {
-        let mut evaluations = engine.store.evaluations_of(id).await?;
-        evaluations.retain(|evaluation| hash.as_ref().is_none_or(|hash| is_of(evaluation, hash)));
-        told["evaluations"] = evaluations.into();
+    if let Some(scheduler) = &state.scheduler {
+        let mut evaluations = scheduler.store.evaluations_of(id).await?;
+        evaluations.retain(|evaluation| {
+            hash.as_ref().is_none_or(|hash| evaluates_files(evaluation, hash))
+        });
+        json["evaluations"] = evaluations.into();
     }
-    Ok(Json(told))
+    Ok(Json(json))
 }
 
-/// Whether an evaluation is of the files with this hash, and not of others that lay in their folder before.
-fn is_of(evaluation: &Value, hash: &str) -> bool {
+/// Whether an evaluation refers to the files with this hash, not to earlier contents of the folder.
+fn evaluates_files(evaluation: &Value, hash: &str) -> bool {
     let reports = evaluation["reports"].as_array().into_iter().flatten();
     reports.filter_map(|report| report["model_hash"].as_str()).all(|of| of == hash)
 }
 
-/// Forgets a model that a job made, with those of its files that no other model has.
+/// Deletes a trained model, and its files that no other model uses.
 #[utoipa::path(
     delete, path = "/models/{id}", tag = "models", params(("id" = String, Path)),
-    responses((status = 204, description = "It is forgotten")),
+    responses((status = 204, description = "The model is deleted")),
 )]
 pub(crate) async fn delete(
     State(state): State<AppState>,
-    Jobs(engine): Jobs,
+    RequireScheduler(scheduler): RequireScheduler,
     Path(id): Path<String>,
 ) -> Result<StatusCode, Problem> {
-    let Some(record) = of_job(&state, &id).await? else {
-        let model = Model::find(&state, &id).await?;
-        return Err(Problem::not_of_a_job(&model.id));
+    let Some(record) = job_model(&state, &id).await? else {
+        let model = BuiltInModel::find(&state, &id).await?;
+        return Err(Problem::model_read_only(&model.id));
     };
-    if state.model_of(DEFAULT) == id {
-        return Err(Problem::not_of_a_job(DEFAULT));
+    if state.resolve_model_id(DEFAULT_MODEL_ID) == id {
+        return Err(Problem::model_read_only(DEFAULT_MODEL_ID));
     }
-    engine.not_in_use(&id).await?;
-    engine.forget_model(&record).await?;
+    scheduler.ensure_unused(&id).await?;
+    scheduler.delete_model(&record).await?;
     Ok(StatusCode::NO_CONTENT)
 }
 
-/// One file of a model. Its ETag is its BLAKE3; an address that names the hash never changes its
-/// content and may be kept for ever, any other is checked each time.
+/// Downloads a file of a model.
+///
+/// The ETag is the BLAKE3. A URL with the hash is immutable; other URLs are revalidated.
 #[utoipa::path(
     get, path = "/models/{id}/{file}", tag = "models",
-    params(("id" = String, Path), ("file" = String, Path, description = "weights, starts or config"), ("blake3" = Option<String>, Query, description = "The hash that it must have")),
+    params(("id" = String, Path), ("file" = String, Path, description = "weights, start_configurations or config"), ("blake3" = Option<String>, Query, description = "Required BLAKE3 (hex) of the file")),
     responses(
-        (status = 200, description = "The file", content((answers::Bytes = "application/octet-stream"), (Value = "application/json"))),
-        (status = 206, description = "A part of it", content_type = "*/*", body = answers::Bytes),
-        (status = 304, description = "It is as If-None-Match says"),
+        (status = 200, description = "The file", content((schemas::Bytes = "application/octet-stream"), (Value = "application/json"))),
+        (status = 206, description = "The requested range", content_type = "*/*", body = schemas::Bytes),
+        (status = 304, description = "Not modified"),
     ),
 )]
 pub(crate) async fn file(
@@ -148,25 +153,26 @@ pub(crate) async fn file(
     uri: Uri,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    let id = state.model_of(&id);
-    let asked = uri.query().and_then(|query| query.strip_prefix("blake3="));
-    let cache = |hash: &str| match asked {
-        Some(asked) if asked == hash => Ok(KEPT),
-        Some(_) => Err(other_content(id, hash)),
-        // `default` may be another one tomorrow.
-        None => Ok(CHECKED),
+    let id = state.resolve_model_id(&id);
+    let required = uri.query().and_then(|query| query.strip_prefix("blake3="));
+    let cache = |hash: &str| match required {
+        Some(required) if required == hash => Ok(IMMUTABLE),
+        Some(_) => Err(model_changed(id, hash)),
+        // The contents behind `default` can change.
+        None => Ok(REVALIDATE),
     };
-    let missing = || no_file(id, &name);
-    if let (Some(record), Some(engine)) = (of_job(&state, id).await?, &state.engine) {
-        let known = ModelFile::named(&name).and_then(|file| record["files"].get(file.file_name));
+    let missing = || model_file_not_found(id, &name);
+    if let (Some(record), Some(scheduler)) = (job_model(&state, id).await?, &state.scheduler) {
+        let known =
+            ModelFile::from_name(&name).and_then(|file| record["files"].get(file.file_name));
         let hash = known.and_then(|file| file["blake3"].as_str()).ok_or_else(missing)?;
-        return artifacts::serve(engine, hash, cache(hash)?, &headers).await;
+        return artifacts::serve(scheduler, hash, cache(hash)?, &headers).await;
     }
-    let model = Model::find(&state, id).await?;
-    let file = ModelFile::named(&name).ok_or_else(missing)?;
+    let model = BuiltInModel::find(&state, id).await?;
+    let file = ModelFile::from_name(&name).ok_or_else(missing)?;
     let path = model.path(file);
-    let hashed = state.hashed(vec![path.clone()]).await.map_err(|e| Problem::unreadable(&e))?;
-    let Hashed { blake3, bytes, .. } = hashed.ok_or_else(missing)?;
+    let hashed = state.file_hash(path.clone()).await.map_err(|e| Problem::file_unreadable(&e))?;
+    let FileHash { blake3, bytes, .. } = hashed.ok_or_else(missing)?;
     let hash = blake3.to_hex();
     let content = Content {
         name: file.file_name,
@@ -175,36 +181,36 @@ pub(crate) async fn file(
         content_type: file.content_type,
         cache: cache(&hash)?,
     };
-    let part = async |part| {
-        let body = part_of(&path, part).await;
-        // Another file may have taken its place before it was opened.
-        let now = state.hashed(vec![path.clone()]).await;
-        match now.map_err(|e| Problem::unreadable(&e))? {
-            Some(now) if now.blake3 == blake3 => body.map_err(|e| Problem::unreadable(&e)),
-            Some(now) => Err(other_content(id, &now.blake3.to_hex())),
+    let body = async |range| {
+        let body = read_range(&path, range).await;
+        // The file may have been replaced before it was opened.
+        let now = state.file_hash(path.clone()).await;
+        match now.map_err(|e| Problem::file_unreadable(&e))? {
+            Some(now) if now.blake3 == blake3 => body.map_err(|e| Problem::file_unreadable(&e)),
+            Some(now) => Err(model_changed(id, &now.blake3.to_hex())),
             None => Err(missing()),
         }
     };
-    content.answer(&headers, part).await
+    content.respond(&headers, body).await
 }
 
-fn no_file(id: &str, name: &str) -> Problem {
+fn model_file_not_found(id: &str, name: &str) -> Problem {
     let known = ModelFile::ALL.map(|file| file.name).join(", ");
     Problem {
         status: StatusCode::NOT_FOUND,
-        code: Code::ModelFileNotFound,
+        code: ProblemCode::ModelFileNotFound,
         detail: format!("model \"{id}\" has no file \"{name}\""),
-        hint: format!("the files of a model are {known}; its card lists those that it has"),
+        hint: format!("the files of a policy are {known}; GET the model for the available ones"),
         param: None,
     }
 }
 
-fn other_content(id: &str, hash: &str) -> Problem {
+fn model_changed(id: &str, hash: &str) -> Problem {
     Problem {
         status: StatusCode::NOT_FOUND,
-        code: Code::ModelChanged,
-        detail: format!("model \"{id}\" no longer has the content that was asked for"),
-        hint: format!("its file now has the hash {hash}; read the card again"),
+        code: ProblemCode::ModelChanged,
+        detail: format!("model \"{id}\" no longer has the requested content"),
+        hint: format!("the file now has the hash {hash}; GET the model again"),
         param: None,
     }
 }
@@ -214,12 +220,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_was_counted_of_other_files_is_left_out() {
+    fn evaluation_of_other_files_is_excluded() {
         let of =
             |hash: Value| json!({ "reports": [{ "model_hash": "ab" }, { "model_hash": hash }] });
-        assert!(is_of(&of("ab".into()), "ab"));
-        assert!(!is_of(&of("cd".into()), "ab"));
-        // The planner acts without files.
-        assert!(is_of(&of(Value::Null), "ab"));
+        assert!(evaluates_files(&of("ab".into()), "ab"));
+        assert!(!evaluates_files(&of("cd".into()), "ab"));
+        // The planner has no model files.
+        assert!(evaluates_files(&of(Value::Null), "ab"));
     }
 }

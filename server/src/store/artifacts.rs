@@ -1,4 +1,4 @@
-//! Files that never change, each named by the BLAKE3 of what it holds.
+//! Artifacts: immutable files, addressed by the BLAKE3 of their contents.
 
 use super::{Store, StoreError};
 use chrono::Utc;
@@ -8,26 +8,27 @@ use sqlx::Row;
 use std::path::Path;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 
-/// A file of a job.
+/// An artifact under the name that its owner gave it.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize, utoipa::ToSchema)]
 pub(crate) struct Artifact {
-    /// What the job called it.
+    /// Name given by the owner.
     pub(crate) name: String,
     /// BLAKE3, hex.
     pub(crate) hash: String,
-    /// How long it is.
+    /// Length (bytes).
     pub(crate) bytes: u64,
-    /// What it is.
+    /// Media type, derived from the name.
     pub(crate) content_type: String,
 }
 
+/// Key of an artifact in the object store.
 fn key(hash: &str) -> Key {
     Key::from(format!("{}/{hash}", hash.get(..2).unwrap_or_default()))
 }
 
-/// What a file is, by its name.
+/// Media type of a file, by its extension.
 fn content_type(name: &str) -> &'static str {
-    match name.rsplit_once('.').map(|(_, ending)| ending) {
+    match name.rsplit_once('.').map(|(_, extension)| extension) {
         Some("json") => "application/json",
         Some("jsonl") => "application/x-ndjson",
         Some("svg") => "image/svg+xml",
@@ -36,91 +37,95 @@ fn content_type(name: &str) -> &'static str {
     }
 }
 
-/// Bytes of a file that are in memory at a time. The allocator leaves with every thread as much as it ever held in one
-/// piece: a server that read models whole had grown from 27 to 61 MB after ten minutes of a training.
-const PIECE: u64 = 1 << 20;
+/// Chunk size for reading files (bytes). The allocator caches the largest block of each thread: with whole
+/// models in memory, the server grew from 27 to 61 MB in ten minutes of training.
+const CHUNK: u64 = 1 << 20;
 
-/// A file as it was when it was opened, piece by piece.
-struct Pieces {
+/// Reads a file in chunks, up to the length that it had when it was opened.
+struct ChunkReader {
     file: tokio::fs::File,
-    left: u64,
+    remaining: u64,
 }
 
-impl Pieces {
-    async fn of(path: &Path) -> std::io::Result<Self> {
+impl ChunkReader {
+    async fn open(path: &Path) -> std::io::Result<Self> {
         let file = tokio::fs::File::open(path).await?;
         let left = file.metadata().await?.len();
-        Ok(Self { file, left })
+        Ok(Self { file, remaining: left })
     }
 
-    async fn next(&mut self) -> std::io::Result<Option<Vec<u8>>> {
-        let mut piece = vec![0; self.left.min(PIECE) as usize];
-        self.left -= piece.len() as u64;
-        self.file.read_exact(&mut piece).await?;
-        Ok((!piece.is_empty()).then_some(piece))
+    async fn next_chunk(&mut self) -> std::io::Result<Option<Vec<u8>>> {
+        let mut chunk = vec![0; self.remaining.min(CHUNK) as usize];
+        self.remaining -= chunk.len() as u64;
+        self.file.read_exact(&mut chunk).await?;
+        Ok((!chunk.is_empty()).then_some(chunk))
     }
 }
 
-/// Writes a file of so many bytes that was found to have a hash.
-async fn put(
+/// Uploads the first `bytes` of a file and verifies their hash.
+async fn upload_verified(
     upload: &mut dyn MultipartUpload,
     path: &Path,
     bytes: u64,
     hash: blake3::Hash,
 ) -> Result<(), StoreError> {
-    let (mut pieces, mut hasher) = (Pieces::of(path).await?, blake3::Hasher::new());
-    pieces.left = bytes;
-    while let Some(piece) = pieces.next().await? {
-        hasher.update(&piece);
-        upload.put_part(piece.into()).await?;
+    let (mut reader, mut hasher) = (ChunkReader::open(path).await?, blake3::Hasher::new());
+    reader.remaining = bytes;
+    while let Some(chunk) = reader.next_chunk().await? {
+        hasher.update(&chunk);
+        upload.put_part(chunk.into()).await?;
     }
     if hasher.finalize() != hash {
-        return Err(std::io::Error::other(format!("{} changed meanwhile", path.display())).into());
+        return Err(std::io::Error::other(format!(
+            "{} changed while it was stored",
+            path.display()
+        ))
+        .into());
     }
     Ok(())
 }
 
 impl Store {
-    /// Keeps a file of a job; what is appended to it meanwhile is left out.
-    pub(crate) async fn keep(
+    /// Stores a file under a name of its owner, a job or a mesh. Data appended during the call is not stored.
+    pub(crate) async fn put_file(
         &self,
-        job: &str,
+        owner: &str,
         name: &str,
         path: &Path,
     ) -> Result<Artifact, StoreError> {
-        let mut pieces = Pieces::of(path).await?;
-        let bytes = pieces.left;
-        if bytes <= PIECE {
-            let contents = pieces.next().await?.unwrap_or_default();
-            return self.keep_bytes(job, name, contents).await;
+        let mut reader = ChunkReader::open(path).await?;
+        let bytes = reader.remaining;
+        if bytes <= CHUNK {
+            let contents = reader.next_chunk().await?.unwrap_or_default();
+            return self.put_bytes(owner, name, contents).await;
         }
         let mut hasher = blake3::Hasher::new();
-        while let Some(piece) = pieces.next().await? {
-            hasher.update(&piece);
+        while let Some(chunk) = reader.next_chunk().await? {
+            hasher.update(&chunk);
         }
         let hash = hasher.finalize();
-        let _alone = self.keeping.lock().await;
+        let _guard = self.artifact_lock.lock().await;
         let key = key(&hash.to_hex());
-        let is_there = match self.artifacts.head(&key).await {
-            Ok(found) => found.size == bytes,
+        let is_stored = match self.artifacts.head(&key).await {
+            Ok(stored) => stored.size == bytes,
             Err(object_store::Error::NotFound { .. }) => false,
             Err(error) => return Err(error.into()),
         };
-        if !is_there {
+        if !is_stored {
             let mut upload = self.artifacts.put_multipart(&key).await?;
-            if let Err(error) = put(&mut *upload, path, bytes, hash).await {
+            if let Err(error) = upload_verified(&mut *upload, path, bytes, hash).await {
                 upload.abort().await?;
                 return Err(error);
             }
             upload.complete().await?;
         }
-        self.note_file(job, name, hash.to_hex().to_string(), bytes).await
+        self.record_file(owner, name, hash.to_hex().to_string(), bytes).await
     }
 
-    /// Keeps bytes as a file of a job, or of whatever else has an id.
-    pub(crate) async fn keep_bytes(
+    /// Stores bytes as a file of a job or a mesh.
+    pub(crate) async fn put_bytes(
         &self,
-        job: &str,
+        owner: &str,
         name: &str,
         contents: Vec<u8>,
     ) -> Result<Artifact, StoreError> {
@@ -129,109 +134,110 @@ impl Store {
         })
         .await
         .map_err(std::io::Error::other)?;
-        let _alone = self.keeping.lock().await;
+        let _guard = self.artifact_lock.lock().await;
         let bytes = contents.len() as u64;
-        let only_new = PutOptions { mode: PutMode::Create, ..PutOptions::default() };
+        let create = PutOptions { mode: PutMode::Create, ..PutOptions::default() };
         let payload = object_store::PutPayload::from(contents);
-        match self.artifacts.put_opts(&key(&hash), payload.clone(), only_new).await {
+        match self.artifacts.put_opts(&key(&hash), payload.clone(), create).await {
             Ok(_) => {}
             Err(object_store::Error::AlreadyExists { .. }) => {
-                // Left by a machine that lost its power in the middle.
+                // A power cut can leave an incomplete file.
                 if self.artifacts.head(&key(&hash)).await?.size != bytes {
                     self.artifacts.put(&key(&hash), payload).await?;
                 }
             }
             Err(error) => return Err(error.into()),
         }
-        self.note_file(job, name, hash, bytes).await
+        self.record_file(owner, name, hash, bytes).await
     }
 
-    /// Writes down that a job has a file.
-    async fn note_file(
+    /// Records a file and its owner in the database.
+    async fn record_file(
         &self,
-        job: &str,
+        owner: &str,
         name: &str,
         hash: String,
         bytes: u64,
     ) -> Result<Artifact, StoreError> {
         let content_type = content_type(name);
-        let mut change = self.begin().await?;
+        let mut transaction = self.begin_transaction().await?;
         sqlx::query("INSERT OR IGNORE INTO artifacts (hash, bytes, content_type, created_at) VALUES (?, ?, ?, ?)")
             .bind(&hash)
             .bind(bytes as i64)
             .bind(content_type)
             .bind(Utc::now().to_rfc3339())
-            .execute(&mut *change)
+            .execute(&mut *transaction)
             .await?;
-        sqlx::query("INSERT OR REPLACE INTO job_artifacts (job, name, hash) VALUES (?, ?, ?)")
-            .bind(job)
+        sqlx::query("INSERT OR REPLACE INTO artifact_names (owner, name, hash) VALUES (?, ?, ?)")
+            .bind(owner)
             .bind(name)
             .bind(&hash)
-            .execute(&mut *change)
+            .execute(&mut *transaction)
             .await?;
-        change.commit().await?;
+        transaction.commit().await?;
         Ok(Artifact { name: name.into(), hash, bytes, content_type: content_type.into() })
     }
 
-    /// Forgets the files of a job, or of whatever else has an id, all of them or those of these names, and removes what
-    /// nothing else names.
-    pub(crate) async fn forget_files(
+    /// Deletes the files of a job or a mesh: all of them, or those with these names. Contents that have
+    /// another owner are kept.
+    pub(crate) async fn delete_files(
         &self,
         owner: &str,
         names: Option<&[String]>,
     ) -> Result<(), StoreError> {
-        let _alone = self.keeping.lock().await;
-        let mut change = self.begin().await?;
+        let _guard = self.artifact_lock.lock().await;
+        let mut transaction = self.begin_transaction().await?;
         let mut files: Vec<(String, String)> =
-            sqlx::query_as("SELECT name, hash FROM job_artifacts WHERE job = ?")
+            sqlx::query_as("SELECT name, hash FROM artifact_names WHERE owner = ?")
                 .bind(owner)
-                .fetch_all(&mut *change)
+                .fetch_all(&mut *transaction)
                 .await?;
         files.retain(|(name, _)| names.is_none_or(|names| names.contains(name)));
         for (name, _) in &files {
-            sqlx::query("DELETE FROM job_artifacts WHERE job = ? AND name = ?")
+            sqlx::query("DELETE FROM artifact_names WHERE owner = ? AND name = ?")
                 .bind(owner)
                 .bind(name)
-                .execute(&mut *change)
+                .execute(&mut *transaction)
                 .await?;
         }
-        change.commit().await?;
-        self.remove_unnamed(files.into_iter().map(|(_, hash)| hash).collect()).await
+        transaction.commit().await?;
+        self.delete_unreferenced(files.into_iter().map(|(_, hash)| hash).collect()).await
     }
 
-    /// Ids under which a file of a mesh is kept, though there is no such mesh.
-    pub(crate) async fn meshes_without_record(&self) -> Result<Vec<String>, StoreError> {
+    /// Ids of meshes that have a stored file but no record, left by a crash.
+    pub(crate) async fn orphan_meshes(&self) -> Result<Vec<String>, StoreError> {
         Ok(sqlx::query_scalar(
-            "SELECT DISTINCT job FROM job_artifacts
-             WHERE substr(job, 1, 4) = 'msh_' AND job NOT IN (SELECT id FROM records)",
+            "SELECT DISTINCT owner FROM artifact_names
+             WHERE substr(owner, 1, 4) = 'msh_' AND owner NOT IN (SELECT id FROM records)",
         )
         .fetch_all(&self.readers)
         .await?)
     }
 
-    /// Removes those of these files that nothing names any more.
-    pub(crate) async fn forget_unnamed(&self, hashes: Vec<String>) -> Result<(), StoreError> {
-        let _alone = self.keeping.lock().await;
-        self.remove_unnamed(hashes).await
+    /// Deletes those of these artifacts that have no owner and no reference in a record.
+    pub(crate) async fn collect_garbage(&self, hashes: Vec<String>) -> Result<(), StoreError> {
+        let _guard = self.artifact_lock.lock().await;
+        self.delete_unreferenced(hashes).await
     }
 
-    async fn remove_unnamed(&self, hashes: Vec<String>) -> Result<(), StoreError> {
-        let mut change = self.begin().await?;
+    /// Implementation of [`Store::collect_garbage`]; the caller holds the artifact lock.
+    async fn delete_unreferenced(&self, hashes: Vec<String>) -> Result<(), StoreError> {
+        let mut transaction = self.begin_transaction().await?;
         let mut orphans = Vec::new();
         for hash in hashes {
-            let gone = sqlx::query(
+            let deleted = sqlx::query(
                 "DELETE FROM artifacts WHERE hash = ?
-                 AND NOT EXISTS (SELECT 1 FROM job_artifacts WHERE hash = artifacts.hash)
+                 AND NOT EXISTS (SELECT 1 FROM artifact_names WHERE hash = artifacts.hash)
                  AND NOT EXISTS (SELECT 1 FROM records WHERE instr(record, artifacts.hash))",
             )
             .bind(&hash)
-            .execute(&mut *change)
+            .execute(&mut *transaction)
             .await?;
-            if gone.rows_affected() == 1 {
+            if deleted.rows_affected() == 1 {
                 orphans.push(hash);
             }
         }
-        change.commit().await?;
+        transaction.commit().await?;
         for hash in orphans {
             match self.artifacts.delete(&key(&hash)).await {
                 Ok(()) | Err(object_store::Error::NotFound { .. }) => {}
@@ -241,13 +247,13 @@ impl Store {
         Ok(())
     }
 
-    /// Files of a job, by name.
-    pub(crate) async fn artifacts_of(&self, job: &str) -> Result<Vec<Artifact>, StoreError> {
+    /// Files of a job or a mesh, sorted by name.
+    pub(crate) async fn artifacts_of(&self, owner: &str) -> Result<Vec<Artifact>, StoreError> {
         let rows = sqlx::query(
-            "SELECT name, hash, bytes, content_type FROM job_artifacts JOIN artifacts USING (hash)
-             WHERE job = ? ORDER BY name",
+            "SELECT name, hash, bytes, content_type FROM artifact_names JOIN artifacts USING (hash)
+             WHERE owner = ? ORDER BY name",
         )
-        .bind(job)
+        .bind(owner)
         .fetch_all(&self.readers)
         .await?;
         let artifact = |row: &sqlx::sqlite::SqliteRow| -> Result<Artifact, StoreError> {
@@ -261,18 +267,18 @@ impl Store {
         rows.iter().map(artifact).collect()
     }
 
-    /// Length and type of an artifact, if there is one of this hash.
+    /// Length (bytes) and media type of an artifact; `None` if it does not exist.
     pub(crate) async fn artifact(&self, hash: &str) -> Result<Option<(u64, String)>, StoreError> {
-        let found: Option<(i64, String)> =
+        let row: Option<(i64, String)> =
             sqlx::query_as("SELECT bytes, content_type FROM artifacts WHERE hash = ?")
                 .bind(hash)
                 .fetch_optional(&self.readers)
                 .await?;
-        Ok(found.map(|(bytes, content_type)| (bytes as u64, content_type)))
+        Ok(row.map(|(bytes, content_type)| (bytes as u64, content_type)))
     }
 
-    /// What an artifact holds, from one byte to before another.
-    pub(crate) async fn contents(
+    /// Body with this byte range of an artifact.
+    pub(crate) async fn read_range(
         &self,
         hash: &str,
         range: std::ops::Range<u64>,
@@ -280,22 +286,22 @@ impl Store {
         if range.is_empty() {
             return Ok(axum::body::Body::empty());
         }
-        let wanted = GetOptions::new().with_range(Some(range));
-        let found = self.artifacts.get_opts(&key(hash), wanted).await?;
-        Ok(axum::body::Body::from_stream(found.into_stream()))
+        let options = GetOptions::new().with_range(Some(range));
+        let result = self.artifacts.get_opts(&key(hash), options).await?;
+        Ok(axum::body::Body::from_stream(result.into_stream()))
     }
 
-    /// Writes an artifact to a file, beside its place and renamed.
+    /// Copies an artifact to a file, atomically: writes a temporary file and renames it.
     pub(crate) async fn copy_to(&self, hash: &str, path: &Path) -> Result<(), StoreError> {
         let bytes = self.artifacts.get(&key(hash)).await?.bytes().await?;
         if let Some(parent) = path.parent() {
             tokio::fs::create_dir_all(parent).await?;
         }
-        let beside = path.with_extension("part");
-        let mut file = tokio::fs::File::create(&beside).await?;
+        let temporary = path.with_extension("part");
+        let mut file = tokio::fs::File::create(&temporary).await?;
         file.write_all(&bytes).await?;
-        // What has its name is whole, whenever the power fails.
+        // Synced before the rename, so that the file is complete even after a power cut.
         file.sync_all().await?;
-        Ok(tokio::fs::rename(&beside, path).await?)
+        Ok(tokio::fs::rename(&temporary, path).await?)
     }
 }

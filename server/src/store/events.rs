@@ -1,4 +1,4 @@
-//! What happened to jobs, in one order for all of them.
+//! Event log: one totally ordered sequence for all jobs.
 
 use super::{Store, StoreError};
 use chrono::{SecondsFormat, Utc};
@@ -9,35 +9,35 @@ use sqlx::{AssertSqlSafe, Row, Sqlite, Transaction};
 use tokio::sync::watch;
 use utoipa::ToSchema;
 
-/// How important.
+/// Severity of an event.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum Level {
-    /// As it should be.
+    /// Normal operation.
     Info,
-    /// Somebody should know.
+    /// Needs attention.
     Warn,
-    /// Something ended.
+    /// The job failed.
     Error,
 }
 
-/// What kind of thing.
+/// Type of an event.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
-pub(crate) enum Type {
-    /// The job stands elsewhere.
+pub(crate) enum EventType {
+    /// The status changed.
     Status,
-    /// It is further.
+    /// The progress changed.
     Progress,
-    /// It measured something.
+    /// The worker reported metrics.
     Metric,
-    /// It said something.
+    /// The worker logged a message.
     Log,
-    /// It wrote a model on its way.
+    /// A checkpoint was stored.
     Checkpoint,
-    /// It made something.
+    /// An output file was stored.
     Artifact,
-    /// Somebody should look.
+    /// A problem that needs attention.
     Alert,
 }
 
@@ -51,8 +51,8 @@ impl Level {
     }
 }
 
-impl Type {
-    /// All of them.
+impl EventType {
+    /// All types, in the order of the documentation.
     pub(crate) const ALL: [Self; 7] = [
         Self::Status,
         Self::Progress,
@@ -63,12 +63,12 @@ impl Type {
         Self::Alert,
     ];
 
-    /// The one that is called so.
-    pub(crate) fn named(name: &str) -> Option<Self> {
+    /// Inverse of [`EventType::name`].
+    pub(crate) fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|kind| kind.name() == name)
     }
 
-    /// As in JSON.
+    /// Name in JSON and in the database.
     pub(crate) fn name(self) -> &'static str {
         match self {
             Self::Status => "status",
@@ -82,39 +82,39 @@ impl Type {
     }
 }
 
-/// Something that is about to be written down.
+/// Event that is not in the log yet.
 #[derive(Clone, Debug)]
-pub(crate) struct News {
-    /// How important.
+pub(crate) struct NewEvent {
+    /// Severity.
     pub(crate) level: Level,
-    /// What kind of thing.
-    pub(crate) kind: Type,
-    /// For people.
+    /// Type.
+    pub(crate) kind: EventType,
+    /// Text for users.
     pub(crate) message: String,
-    /// For programs.
+    /// Machine-readable details.
     pub(crate) data: Value,
 }
 
-impl News {
-    /// Something as it should be.
-    pub(crate) fn new(kind: Type, message: impl Into<String>, data: Value) -> Self {
+impl NewEvent {
+    /// Event at level `info`.
+    pub(crate) fn new(kind: EventType, message: impl Into<String>, data: Value) -> Self {
         Self { level: Level::Info, kind, message: message.into(), data }
     }
 }
 
-/// Something that was written down.
+/// Event in the log.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Event {
-    /// Its place among the events of all jobs.
+    /// Sequence number among the events of all jobs.
     pub(crate) seq: i64,
-    /// The kind of thing.
+    /// Name of the type.
     pub(crate) kind: String,
-    /// All of it.
+    /// The event as clients receive it.
     pub(crate) json: Value,
 }
 
 impl Event {
-    fn of(row: &SqliteRow) -> Result<Self, StoreError> {
+    fn from_row(row: &SqliteRow) -> Result<Self, StoreError> {
         let seq: i64 = row.try_get("seq")?;
         let kind: String = row.try_get("type")?;
         let data: Value = serde_json::from_str(row.try_get("data")?)?;
@@ -127,24 +127,24 @@ impl Event {
     }
 }
 
-/// Writes events down; gives the number of the last one.
+/// Appends events to the log; returns the sequence number of the last one.
 pub(super) async fn append(
-    change: &mut Transaction<'static, Sqlite>,
+    transaction: &mut Transaction<'static, Sqlite>,
     job: &str,
-    news: &[News],
+    events: &[NewEvent],
 ) -> Result<Option<i64>, StoreError> {
     let mut last = None;
-    for news in news {
+    for event in events {
         let done = sqlx::query(
             "INSERT INTO events (job, created_at, level, type, message, data) VALUES (?, ?, ?, ?, ?, ?)",
         )
         .bind(job)
         .bind(Utc::now().to_rfc3339_opts(SecondsFormat::Millis, true))
-        .bind(news.level.name())
-        .bind(news.kind.name())
-        .bind(&news.message)
-        .bind(news.data.to_string())
-        .execute(&mut **change)
+        .bind(event.level.name())
+        .bind(event.kind.name())
+        .bind(&event.message)
+        .bind(event.data.to_string())
+        .execute(&mut **transaction)
         .await?;
         last = Some(done.last_insert_rowid());
     }
@@ -152,18 +152,19 @@ pub(super) async fn append(
 }
 
 impl Store {
-    /// Events of these jobs, or of all if none is named, after a number, oldest first.
+    /// Events of these jobs (empty: of all jobs) after a sequence number, oldest first.
     pub(crate) async fn events(
         &self,
         jobs: &[String],
-        kind: Option<Type>,
+        kind: Option<EventType>,
         after: i64,
         limit: i64,
     ) -> Result<Vec<Event>, StoreError> {
-        let marks = vec!["?"; jobs.len()].join(", ");
-        let of_jobs = if jobs.is_empty() { String::new() } else { format!("job IN ({marks}) AND") };
+        let placeholders = vec!["?"; jobs.len()].join(", ");
+        let of_jobs =
+            if jobs.is_empty() { String::new() } else { format!("job IN ({placeholders}) AND") };
         let of_kind = if kind.is_some() { "AND type = ?" } else { "" };
-        // Nothing of the caller's is in the text.
+        // The text contains no caller input; all values are bound.
         let text = AssertSqlSafe(format!(
             "SELECT * FROM events WHERE {of_jobs} seq > ? {of_kind} ORDER BY seq LIMIT ?"
         ));
@@ -176,18 +177,18 @@ impl Store {
             query = query.bind(kind.name());
         }
         let rows = query.bind(limit).fetch_all(&self.readers).await?;
-        rows.iter().map(Event::of).collect()
+        rows.iter().map(Event::from_row).collect()
     }
 
-    /// Changes whenever something is written down.
-    pub(crate) fn news(&self) -> watch::Receiver<i64> {
-        self.last.subscribe()
+    /// Receiver of the sequence number of the last event; notified after every commit visible to clients.
+    pub(crate) fn subscribe(&self) -> watch::Receiver<i64> {
+        self.last_event.subscribe()
     }
 
-    /// Tells that something was written down.
-    pub(super) fn tell(&self, last: Option<i64>) {
+    /// Notifies subscribers of events up to `last`.
+    pub(super) fn notify(&self, last: Option<i64>) {
         if let Some(last) = last {
-            self.last.send_if_modified(|known| {
+            self.last_event.send_if_modified(|known| {
                 let is_new = last > *known;
                 *known = last.max(*known);
                 is_new

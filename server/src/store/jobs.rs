@@ -1,50 +1,55 @@
-//! Jobs in the store.
+//! Jobs: queries, updates, leases and idempotency keys.
 
-use super::events::{self, News, Type};
+use super::events::{self, EventType, NewEvent};
 use super::{Store, StoreError};
 use crate::job::{Job, Kind, Status};
 use chrono::Utc;
 use serde_json::{Value, json};
 use sqlx::{AssertSqlSafe, Row, Sqlite, Transaction};
 
-/// Which jobs to list.
+/// Filter and page of a job list.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Filter {
-    /// In one of these states; any if there is none.
+    /// Accepted statuses; empty accepts all.
     pub(crate) status: Vec<Status>,
-    /// Of one of these kinds; any if there is none.
+    /// Accepted kinds; empty accepts all.
     pub(crate) kind: Vec<Kind>,
-    /// With these metadata.
+    /// Required metadata entries.
     pub(crate) metadata: Vec<(String, String)>,
-    /// After this id.
+    /// Id of the last job of the previous page.
     pub(crate) after: Option<String>,
-    /// Oldest first.
+    /// Ascending order of creation; the default is descending.
     pub(crate) oldest_first: bool,
-    /// At most so many.
+    /// Maximum number of jobs.
     pub(crate) limit: i64,
 }
 
-/// What became of asking for a job under a key.
+/// Result of a creation request with an idempotency key.
 #[derive(Debug)]
-pub(crate) enum Created {
-    /// It is new.
-    New(Job),
-    /// It was asked for before, in the same words.
-    Before(Job),
-    /// The key was used for something else.
-    Other,
-    /// The key was used for a job that is no longer there.
-    Gone,
+pub(crate) enum CreateOutcome {
+    /// A new job was created.
+    Created(Job),
+    /// The same request created this job before.
+    Replayed(Job),
+    /// The key was used for a different request.
+    KeyConflict,
+    /// The job created with the key was deleted.
+    JobDeleted,
 }
 
-/// How long the answer to a key is remembered (ms).
-const REMEMBERED: i64 = 24 * 3600 * 1000;
+/// Lifetime of an idempotency key (ms).
+const IDEMPOTENCY_TTL_MS: i64 = 24 * 3600 * 1000;
 
+/// Current Unix time (ms).
 fn now() -> i64 {
     Utc::now().timestamp_millis()
 }
 
-async fn write(change: &mut Transaction<'static, Sqlite>, job: &Job) -> Result<(), StoreError> {
+/// Inserts or replaces a job.
+async fn write_job(
+    transaction: &mut Transaction<'static, Sqlite>,
+    job: &Job,
+) -> Result<(), StoreError> {
     sqlx::query(
         "INSERT INTO jobs (id, kind, status, priority, lease_until, record) VALUES (?, ?, ?, ?, 0, ?)
          ON CONFLICT (id) DO UPDATE
@@ -55,89 +60,97 @@ async fn write(change: &mut Transaction<'static, Sqlite>, job: &Job) -> Result<(
     .bind(job.status.name())
     .bind(job.priority)
     .bind(serde_json::to_string(job)?)
-    .execute(&mut **change)
+    .execute(&mut **transaction)
     .await?;
     Ok(())
 }
 
-async fn read(
-    change: &mut Transaction<'static, Sqlite>,
+/// Reads a job inside a transaction.
+async fn read_job(
+    transaction: &mut Transaction<'static, Sqlite>,
     id: &str,
 ) -> Result<Option<Job>, StoreError> {
     let record: Option<String> = sqlx::query_scalar("SELECT record FROM jobs WHERE id = ?")
         .bind(id)
-        .fetch_optional(&mut **change)
+        .fetch_optional(&mut **transaction)
         .await?;
     Ok(record.map(|record| serde_json::from_str(&record)).transpose()?)
 }
 
-/// What became of a key before.
-async fn asked(
-    change: &mut Transaction<'static, Sqlite>,
+/// Result of an earlier request with this key; `None` if the key is unused or expired.
+async fn find_idempotent(
+    transaction: &mut Transaction<'static, Sqlite>,
     key: &str,
-    body: &str,
-) -> Result<Option<Created>, StoreError> {
-    let before = sqlx::query("SELECT body, job FROM answers WHERE key = ? AND created_at >= ?")
+    body_hash: &str,
+) -> Result<Option<CreateOutcome>, StoreError> {
+    let text = "SELECT body_hash, job FROM idempotency_keys WHERE key = ? AND created_at >= ?";
+    let row = sqlx::query(text)
         .bind(key)
-        .bind(now() - REMEMBERED)
-        .fetch_optional(&mut **change)
+        .bind(now() - IDEMPOTENCY_TTL_MS)
+        .fetch_optional(&mut **transaction)
         .await?;
-    let Some(before) = before else { return Ok(None) };
-    if before.try_get::<String, _>("body")? != body {
-        return Ok(Some(Created::Other));
+    let Some(row) = row else { return Ok(None) };
+    if row.try_get::<String, _>("body_hash")? != body_hash {
+        return Ok(Some(CreateOutcome::KeyConflict));
     }
-    let id: String = before.try_get("job")?;
-    Ok(Some(read(change, &id).await?.map_or(Created::Gone, Created::Before)))
+    let id: String = row.try_get("job")?;
+    Ok(Some(
+        read_job(transaction, &id)
+            .await?
+            .map_or(CreateOutcome::JobDeleted, CreateOutcome::Replayed),
+    ))
 }
 
-/// What others see of a job's record: the number of a report concerns nobody but the one who reports.
-fn seen(mut record: Value) -> Value {
-    record.as_object_mut().map(|fields| fields.remove("heard"));
+/// Record without the fields that clients cannot observe.
+fn public_fields(mut record: Value) -> Value {
+    record.as_object_mut().map(|fields| fields.remove("last_report_seq"));
     record
 }
 
 impl Store {
-    /// What became of a key, with the hash of what was asked under it, if it was used before.
-    pub(crate) async fn asked(
+    /// Result of an earlier request with this key and body hash; `None` without a key or if it is unused.
+    pub(crate) async fn find_idempotent(
         &self,
         key: Option<(&str, &str)>,
-    ) -> Result<Option<Created>, StoreError> {
-        let Some((key, body)) = key else { return Ok(None) };
-        asked(&mut self.begin().await?, key, body).await
+    ) -> Result<Option<CreateOutcome>, StoreError> {
+        let Some((key, body_hash)) = key else { return Ok(None) };
+        find_idempotent(&mut self.begin_transaction().await?, key, body_hash).await
     }
 
-    /// Adds a job, once for each key.
+    /// Creates a job, once per idempotency key. `key`: the key and the hash of the request body.
     pub(crate) async fn create(
         &self,
         job: &Job,
         key: Option<(&str, &str)>,
-    ) -> Result<Created, StoreError> {
-        let mut change = self.begin().await?;
-        if let Some((key, body)) = key {
-            sqlx::query("DELETE FROM answers WHERE created_at < ?")
-                .bind(now() - REMEMBERED)
-                .execute(&mut *change)
+    ) -> Result<CreateOutcome, StoreError> {
+        let mut transaction = self.begin_transaction().await?;
+        if let Some((key, body_hash)) = key {
+            sqlx::query("DELETE FROM idempotency_keys WHERE created_at < ?")
+                .bind(now() - IDEMPOTENCY_TTL_MS)
+                .execute(&mut *transaction)
                 .await?;
-            if let Some(before) = asked(&mut change, key, body).await? {
-                return Ok(before);
+            if let Some(outcome) = find_idempotent(&mut transaction, key, body_hash).await? {
+                return Ok(outcome);
             }
-            sqlx::query("INSERT INTO answers (key, body, job, created_at) VALUES (?, ?, ?, ?)")
-                .bind(key)
-                .bind(body)
-                .bind(&job.id)
-                .bind(now())
-                .execute(&mut *change)
-                .await?;
+            sqlx::query(
+                "INSERT INTO idempotency_keys (key, body_hash, job, created_at) VALUES (?, ?, ?, ?)",
+            )
+            .bind(key)
+            .bind(body_hash)
+            .bind(&job.id)
+            .bind(now())
+            .execute(&mut *transaction)
+            .await?;
         }
-        write(&mut change, job).await?;
-        let news = News::new(Type::Status, "queued", json!({ "status": job.status }));
-        let last = events::append(&mut change, &job.id, &[news]).await?;
-        change.commit().await?;
-        self.tell(last);
-        Ok(Created::New(job.clone()))
+        write_job(&mut transaction, job).await?;
+        let event = NewEvent::new(EventType::Status, "queued", json!({ "status": job.status }));
+        let last = events::append(&mut transaction, &job.id, &[event]).await?;
+        transaction.commit().await?;
+        self.notify(last);
+        Ok(CreateOutcome::Created(job.clone()))
     }
 
-    /// One job.
+    /// The job with this id.
     pub(crate) async fn job(&self, id: &str) -> Result<Option<Job>, StoreError> {
         let record: Option<String> = sqlx::query_scalar("SELECT record FROM jobs WHERE id = ?")
             .bind(id)
@@ -146,15 +159,15 @@ impl Store {
         Ok(record.map(|record| serde_json::from_str(&record)).transpose()?)
     }
 
-    /// Jobs, newest first unless asked otherwise.
+    /// Jobs that match a filter, newest first by default.
     pub(crate) async fn jobs(&self, filter: &Filter) -> Result<Vec<Job>, StoreError> {
-        let marks = |count: usize| vec!["?"; count].join(", ");
+        let placeholders = |count: usize| vec!["?"; count].join(", ");
         let mut conditions = vec!["1 = 1".to_owned()];
         if !filter.status.is_empty() {
-            conditions.push(format!("status IN ({})", marks(filter.status.len())));
+            conditions.push(format!("status IN ({})", placeholders(filter.status.len())));
         }
         if !filter.kind.is_empty() {
-            conditions.push(format!("kind IN ({})", marks(filter.kind.len())));
+            conditions.push(format!("kind IN ({})", placeholders(filter.kind.len())));
         }
         for _ in &filter.metadata {
             conditions.push(
@@ -166,7 +179,7 @@ impl Store {
         if filter.after.is_some() {
             conditions.push(format!("id {sign} ?"));
         }
-        // Nothing of the caller's is in the text.
+        // The text contains no caller input; all values are bound.
         let text = AssertSqlSafe(format!(
             "SELECT record FROM jobs WHERE {} ORDER BY id {order} LIMIT ?",
             conditions.join(" AND ")
@@ -188,41 +201,42 @@ impl Store {
         Ok(records.iter().map(|record| serde_json::from_str(record)).collect::<Result<_, _>>()?)
     }
 
-    /// Changes a job, and writes down what happened; `None` if there is none. A refusal changes nothing.
-    pub(crate) async fn change<T, E>(
+    /// Updates a job and appends its events in one transaction; `None` if the job does not exist. If `change`
+    /// returns an error, nothing is written.
+    pub(crate) async fn update<T, E>(
         &self,
         id: &str,
-        change: impl FnOnce(&mut Job, &mut Vec<News>) -> Result<T, E>,
+        change: impl FnOnce(&mut Job, &mut Vec<NewEvent>) -> Result<T, E>,
     ) -> Result<Option<Result<(Job, T), E>>, StoreError> {
-        let mut transaction = self.begin().await?;
-        let Some(mut job) = read(&mut transaction, id).await? else { return Ok(None) };
-        let mut news = Vec::new();
+        let mut transaction = self.begin_transaction().await?;
+        let Some(mut job) = read_job(&mut transaction, id).await? else { return Ok(None) };
+        let mut events = Vec::new();
         let before = serde_json::to_value(&job)?;
-        let told = match change(&mut job, &mut news) {
-            Ok(told) => told,
-            Err(refusal) => return Ok(Some(Err(refusal))),
+        let value = match change(&mut job, &mut events) {
+            Ok(value) => value,
+            Err(error) => return Ok(Some(Err(error))),
         };
         let after = serde_json::to_value(&job)?;
-        let is_seen = seen(after.clone()) != seen(before.clone());
-        if is_seen {
+        let is_visible = public_fields(after.clone()) != public_fields(before.clone());
+        if is_visible {
             job.revision += 1;
             job.updated_at = Utc::now();
         }
         if after != before {
-            write(&mut transaction, &job).await?;
+            write_job(&mut transaction, &job).await?;
         }
-        let last = events::append(&mut transaction, id, &news).await?;
+        let last = events::append(&mut transaction, id, &events).await?;
         transaction.commit().await?;
         match last {
-            Some(_) => self.tell(last),
-            // No event, and yet somebody may wait for it.
-            None if is_seen => self.last.send_modify(|_| {}),
+            Some(_) => self.notify(last),
+            // Without an event, clients may still wait for the change.
+            None if is_visible => self.last_event.send_modify(|_| {}),
             None => {}
         }
-        Ok(Some(Ok((job, told))))
+        Ok(Some(Ok((job, value))))
     }
 
-    /// The job that comes next, if one waits.
+    /// Id of the queued job that starts next: highest priority, then oldest.
     pub(crate) async fn next_queued(&self) -> Result<Option<String>, StoreError> {
         Ok(sqlx::query_scalar(
             "SELECT id FROM jobs WHERE status = 'queued' ORDER BY priority DESC, id LIMIT 1",
@@ -231,8 +245,11 @@ impl Store {
         .await?)
     }
 
-    /// Ids of the jobs in one of these states, the newest first.
-    pub(crate) async fn ids_in(&self, status: &[Status]) -> Result<Vec<String>, StoreError> {
+    /// Ids of the jobs in one of these statuses, newest first.
+    pub(crate) async fn ids_with_status(
+        &self,
+        status: &[Status],
+    ) -> Result<Vec<String>, StoreError> {
         let names: Vec<&str> = status.iter().map(|status| status.name()).collect();
         Ok(sqlx::query_scalar(
             "SELECT id FROM jobs WHERE status IN (SELECT value FROM json_each(?)) ORDER BY id DESC",
@@ -242,8 +259,8 @@ impl Store {
         .await?)
     }
 
-    /// A job that has not ended and works on what has this id, if there is one.
-    pub(crate) async fn user_of(&self, id: &str) -> Result<Option<String>, StoreError> {
+    /// Id of an unfinished job that has this input.
+    pub(crate) async fn active_job_using(&self, id: &str) -> Result<Option<String>, StoreError> {
         Ok(sqlx::query_scalar(
             "SELECT id FROM jobs WHERE status IN ('queued', 'running', 'paused', 'cancelling')
              AND EXISTS (SELECT 1 FROM json_each(record, '$.inputs') WHERE value = ?) LIMIT 1",
@@ -253,17 +270,23 @@ impl Store {
         .await?)
     }
 
-    /// How many jobs there are of each kind in each state.
+    /// Kind, status and number of jobs.
     pub(crate) async fn counts(&self) -> Result<Vec<(String, String, i64)>, StoreError> {
         Ok(sqlx::query_as("SELECT kind, status, count(*) FROM jobs GROUP BY kind, status")
             .fetch_all(&self.readers)
             .await?)
     }
 
-    /// Lets a process work on a job until a time (ms); `token` is the hash of what it proves itself with.
-    pub(crate) async fn lease(&self, id: &str, token: &[u8], until: i64) -> Result<(), StoreError> {
-        sqlx::query("UPDATE jobs SET token = ?, lease_until = ? WHERE id = ?")
-            .bind(token)
+    /// Grants a new worker the lease of a job until a Unix time (ms). `token_hash`: hash of the worker's
+    /// token.
+    pub(crate) async fn grant_lease(
+        &self,
+        id: &str,
+        token_hash: &[u8],
+        until: i64,
+    ) -> Result<(), StoreError> {
+        sqlx::query("UPDATE jobs SET token_hash = ?, lease_until = ? WHERE id = ?")
+            .bind(token_hash)
             .bind(until)
             .bind(id)
             .execute(&self.writer)
@@ -271,48 +294,53 @@ impl Store {
         Ok(())
     }
 
-    /// Lets all processes go on until a time (ms), or as long as they may already, but to no later time than `most`: the
-    /// clock may have been set back.
-    pub(crate) async fn lease_all(&self, until: i64, most: i64) -> Result<(), StoreError> {
+    /// Extends all leases to a Unix time (ms). Longer leases are kept, but limited to `max` in case the clock
+    /// was set back.
+    pub(crate) async fn extend_leases(&self, until: i64, max: i64) -> Result<(), StoreError> {
         let text = "UPDATE jobs SET lease_until = min(max(lease_until, ?), ?)
              WHERE status IN ('running', 'cancelling')";
-        sqlx::query(text).bind(until).bind(most).execute(&self.writer).await?;
+        sqlx::query(text).bind(until).bind(max).execute(&self.writer).await?;
         Ok(())
     }
 
-    /// Lets it go on; `false` if it is no longer its turn.
-    pub(crate) async fn renew(
+    /// Renews the lease of the current worker; `false` if the token belongs to another worker.
+    pub(crate) async fn renew_lease(
         &self,
         id: &str,
-        token: &[u8],
+        token_hash: &[u8],
         until: i64,
     ) -> Result<bool, StoreError> {
-        let done = sqlx::query(
+        let result = sqlx::query(
             "UPDATE jobs SET lease_until = ?
-             WHERE id = ? AND token = ? AND status IN ('running', 'cancelling')",
+             WHERE id = ? AND token_hash = ? AND status IN ('running', 'cancelling')",
         )
         .bind(until)
         .bind(id)
-        .bind(token)
+        .bind(token_hash)
         .execute(&self.writer)
         .await?;
-        Ok(done.rows_affected() == 1)
+        Ok(result.rows_affected() == 1)
     }
 
-    /// Whether it is the turn of whoever has a token.
-    pub(crate) async fn is_its_turn(&self, id: &str, token: &[u8]) -> Result<bool, StoreError> {
-        let found: Option<i64> = sqlx::query_scalar(
-            "SELECT 1 FROM jobs WHERE id = ? AND token = ? AND status IN ('running', 'cancelling')",
+    /// Whether a token belongs to the current worker of a job.
+    pub(crate) async fn is_current_token(
+        &self,
+        id: &str,
+        token_hash: &[u8],
+    ) -> Result<bool, StoreError> {
+        let row: Option<i64> = sqlx::query_scalar(
+            "SELECT 1 FROM jobs
+             WHERE id = ? AND token_hash = ? AND status IN ('running', 'cancelling')",
         )
         .bind(id)
-        .bind(token)
+        .bind(token_hash)
         .fetch_optional(&self.readers)
         .await?;
-        Ok(found.is_some())
+        Ok(row.is_some())
     }
 
-    /// Jobs whose process has not been heard of for too long.
-    pub(crate) async fn expired(&self) -> Result<Vec<String>, StoreError> {
+    /// Ids of the jobs whose lease has expired.
+    pub(crate) async fn expired_leases(&self) -> Result<Vec<String>, StoreError> {
         Ok(sqlx::query_scalar(
             "SELECT id FROM jobs WHERE status IN ('running', 'cancelling') AND lease_until < ?",
         )
@@ -321,17 +349,17 @@ impl Store {
         .await?)
     }
 
-    /// Forgets a job and what happened to it.
-    pub(crate) async fn delete(&self, id: &str) -> Result<(), StoreError> {
-        let mut change = self.begin().await?;
+    /// Deletes a job, its events and its file names.
+    pub(crate) async fn delete_job(&self, id: &str) -> Result<(), StoreError> {
+        let mut transaction = self.begin_transaction().await?;
         for text in [
             "DELETE FROM events WHERE job = ?",
-            "DELETE FROM job_artifacts WHERE job = ?",
+            "DELETE FROM artifact_names WHERE owner = ?",
             "DELETE FROM jobs WHERE id = ?",
         ] {
-            sqlx::query(text).bind(id).execute(&mut *change).await?;
+            sqlx::query(text).bind(id).execute(&mut *transaction).await?;
         }
-        change.commit().await?;
+        transaction.commit().await?;
         Ok(())
     }
 }

@@ -1,23 +1,23 @@
-//! Datasets, models and evaluations that jobs made, and meshes that were uploaded.
+//! Records of datasets, models and evaluations produced by jobs, and of uploaded meshes.
 
 use super::{Store, StoreError};
 use serde_json::Value;
 
-/// What a record is of.
+/// Kind of a record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum RecordKind {
-    /// A dataset: a folder.
+    /// Dataset; its files are a folder.
     Dataset,
-    /// An encoder or a policy: artifacts.
+    /// Encoder or policy; its files are artifacts.
     Model,
-    /// What an evaluation counted of a model.
+    /// Evaluation of a model.
     Evaluation,
-    /// A mesh that was uploaded: an artifact.
+    /// Uploaded mesh; its file is an artifact.
     Mesh,
 }
 
 impl RecordKind {
-    /// Its name, in the database and in texts.
+    /// Name in the database and in messages.
     pub(crate) fn name(self) -> &'static str {
         match self {
             Self::Dataset => "dataset",
@@ -29,7 +29,7 @@ impl RecordKind {
 }
 
 impl Store {
-    /// Adds a record, or leaves the one of this id as it is.
+    /// Adds a record; an existing record with this id is not changed.
     pub(crate) async fn add_record(
         &self,
         kind: RecordKind,
@@ -45,7 +45,7 @@ impl Store {
         Ok(())
     }
 
-    /// One record.
+    /// The record with this id.
     pub(crate) async fn record(
         &self,
         kind: RecordKind,
@@ -60,8 +60,8 @@ impl Store {
         Ok(record.map(|record| serde_json::from_str(&record)).transpose()?)
     }
 
-    /// Bytes of all records of a kind together.
-    pub(crate) async fn bytes_of(&self, kind: RecordKind) -> Result<u64, StoreError> {
+    /// Total size of all records of a kind (bytes).
+    pub(crate) async fn total_bytes(&self, kind: RecordKind) -> Result<u64, StoreError> {
         let bytes: i64 = sqlx::query_scalar(
             "SELECT coalesce(sum(json_extract(record, '$.bytes')), 0) FROM records WHERE kind = ?",
         )
@@ -71,8 +71,8 @@ impl Store {
         Ok(bytes.unsigned_abs())
     }
 
-    /// Forgets a record.
-    pub(crate) async fn forget(&self, kind: RecordKind, id: &str) -> Result<(), StoreError> {
+    /// Deletes a record.
+    pub(crate) async fn delete_record(&self, kind: RecordKind, id: &str) -> Result<(), StoreError> {
         sqlx::query("DELETE FROM records WHERE id = ? AND kind = ?")
             .bind(id)
             .bind(kind.name())
@@ -81,7 +81,7 @@ impl Store {
         Ok(())
     }
 
-    /// Records of a kind, newest first.
+    /// Records of a kind that follow `after`, newest first.
     pub(crate) async fn records(
         &self,
         kind: RecordKind,
@@ -102,7 +102,7 @@ impl Store {
         Ok(records.iter().map(|record| serde_json::from_str(record)).collect::<Result<_, _>>()?)
     }
 
-    /// Evaluations of a model, newest first.
+    /// The latest [`MAX_EVALUATIONS`] evaluations of a model, newest first.
     pub(crate) async fn evaluations_of(&self, model: &str) -> Result<Vec<Value>, StoreError> {
         let records: Vec<String> = sqlx::query_scalar(
             "SELECT record FROM records
@@ -110,12 +110,12 @@ impl Store {
         )
         .bind(RecordKind::Evaluation.name())
         .bind(model)
-        .bind(MOST_EVALUATIONS)
+        .bind(MAX_EVALUATIONS)
         .fetch_all(&self.readers)
         .await?;
         Ok(records.iter().map(|record| serde_json::from_str(record)).collect::<Result<_, _>>()?)
     }
 }
 
-/// Evaluations of one model that are shown.
-const MOST_EVALUATIONS: i64 = 100;
+/// Maximum number of listed evaluations of one model.
+const MAX_EVALUATIONS: i64 = 100;

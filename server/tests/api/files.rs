@@ -1,4 +1,4 @@
-//! The page, the models and what both are made of.
+//! Static files of the page, and models with their files.
 
 use axum::body::Body;
 use axum::http::{Method, Request, StatusCode, header};
@@ -12,7 +12,8 @@ use tower::ServiceExt;
 
 const WEIGHTS: &[u8] = b"0123456789";
 
-/// A page with one hashed script, a model with everything, and a folder that is no model.
+/// A page with one hashed script, a model with all files except start configurations, and a folder without
+/// weights.
 fn folder() -> TempDir {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let files: [(&str, &[u8]); 9] = [
@@ -20,7 +21,7 @@ fn folder() -> TempDir {
         ("web/assets/page-a1b2.js", b"plain"),
         ("web/assets/page-a1b2.js.br", b"brotli"),
         ("web/assets/page-a1b2.js.gz", b"gzip"),
-        ("web/assets/engine-c3d4.wasm", b"\0asm"),
+        ("web/assets/sim-c3d4.wasm", b"\0asm"),
         ("models/default/weights.safetensors", WEIGHTS),
         ("models/default/config.json", b"{}"),
         ("models/default/card.json", br#"{"lifted":83}"#),
@@ -36,7 +37,7 @@ fn folder() -> TempDir {
 
 async fn send(folder: &TempDir, request: Request<Body>) -> Response {
     let state = AppState::new(&folder.path().join("web"), &folder.path().join("models"));
-    app(state).oneshot(request).await.expect("an answer")
+    app(state).oneshot(request).await.expect("a response")
 }
 
 async fn get_with(folder: &TempDir, path: &str, headers: &[(&str, &str)]) -> Response {
@@ -74,7 +75,7 @@ async fn assert_problem(response: Response, status: StatusCode, code: &str) {
 }
 
 #[tokio::test]
-async fn the_page_is_checked_each_time_and_isolated() {
+async fn page_is_revalidated_and_cross_origin_isolated() {
     let folder = folder();
     let page = get(&folder, "/").await;
     assert_eq!(page.status(), StatusCode::OK);
@@ -95,14 +96,14 @@ async fn the_page_is_checked_each_time_and_isolated() {
 }
 
 #[tokio::test]
-async fn hashed_files_are_kept_for_ever_and_sent_compressed() {
+async fn hashed_files_are_immutable_and_precompressed() {
     let folder = folder();
     let path = "/assets/page-a1b2.js";
     for (accepted, encoding, content) in [
         ("br, gzip", "br", "brotli"),
         ("gzip", "gzip", "gzip"),
         ("identity", "", "plain"),
-        // Who refuses what there is gets it all the same.
+        // Unsatisfiable encodings are ignored.
         ("zstd, identity;q=0", "", "plain"),
     ] {
         let file = get_with(&folder, path, &[("accept-encoding", accepted)]).await;
@@ -112,18 +113,18 @@ async fn hashed_files_are_kept_for_ever_and_sent_compressed() {
         assert!(header(&file, "cache-control").ends_with("immutable"));
         assert_eq!(bytes(file).await, content.as_bytes());
     }
-    let wasm = get(&folder, "/assets/engine-c3d4.wasm").await;
+    let wasm = get(&folder, "/assets/sim-c3d4.wasm").await;
     assert_eq!(header(&wasm, "content-type"), "application/wasm");
 }
 
 #[tokio::test]
-async fn a_page_that_is_not_built_says_how_to_build_it() {
+async fn missing_page_is_reported_as_not_built() {
     let empty = tempfile::tempdir().expect("a temporary folder");
-    assert_problem(get(&empty, "/").await, StatusCode::NOT_FOUND, "page_not_built").await;
+    assert_problem(get(&empty, "/").await, StatusCode::NOT_FOUND, "web_not_built").await;
 }
 
 #[tokio::test]
-async fn the_list_holds_folders_with_weights_and_may_be_empty() {
+async fn model_list_contains_only_folders_with_weights() {
     let list = json(get(&folder(), "/api/v1/models").await).await;
     assert_eq!(list["object"], "list");
     assert_eq!(list["has_more"], false);
@@ -138,29 +139,29 @@ async fn the_list_holds_folders_with_weights_and_may_be_empty() {
 }
 
 #[tokio::test]
-async fn the_default_model_is_chosen() {
+async fn default_alias_resolves_to_the_selected_model() {
     let folder = folder();
     let models = folder.path().join("models");
     std::fs::rename(models.join("default"), models.join("chosen")).expect("another name");
     let state = AppState::new(&folder.path().join("web"), &models);
-    let ask = |state: AppState| {
+    let get_default = |state: AppState| {
         let request = Request::get("/api/v1/models/default").body(Body::empty());
         app(state).oneshot(request.expect("a request"))
     };
-    let missing = ask(state.clone()).await.expect("an answer");
+    let missing = get_default(state.clone()).await.expect("a response");
     assert_problem(missing, StatusCode::NOT_FOUND, "model_not_found").await;
-    let chosen = ask(state.with_default_model("chosen")).await.expect("an answer");
+    let chosen = get_default(state.with_default_model("chosen")).await.expect("a response");
     assert_eq!(json(chosen).await["id"], "chosen");
 }
 
 #[tokio::test]
-async fn weights_are_found_by_their_hash_and_kept_for_ever() {
+async fn weights_are_immutable_under_their_hash() {
     let folder = folder();
     let card = json(get(&folder, "/api/v1/models/default").await).await;
     let weights = &card["files"]["weights"];
     assert_eq!(weights["bytes"], WEIGHTS.len());
     assert_eq!(weights["blake3"], blake3::hash(WEIGHTS).to_hex().as_str());
-    assert!(card["files"].get("starts").is_none(), "a file that is missing is not listed");
+    assert!(card["files"].get("start_configurations").is_none(), "a missing file is listed");
 
     let url = weights["url"].as_str().expect("a URL");
     let file = get(&folder, url).await;
@@ -176,7 +177,7 @@ async fn weights_are_found_by_their_hash_and_kept_for_ever() {
 }
 
 #[tokio::test]
-async fn weights_answer_conditions_and_ranges() {
+async fn weights_support_conditional_and_range_requests() {
     let folder = folder();
     let path = "/api/v1/models/default/weights";
     let etag = format!("\"{}\"", blake3::hash(WEIGHTS));
@@ -199,13 +200,13 @@ async fn weights_answer_conditions_and_ranges() {
     assert_eq!(other.status(), StatusCode::OK);
     assert_eq!(bytes(other).await, WEIGHTS);
 
-    let beyond = get_with(&folder, path, &[("range", "bytes=10-")]).await;
-    assert_eq!(header(&beyond, "content-range"), "bytes */10");
-    assert_problem(beyond, StatusCode::RANGE_NOT_SATISFIABLE, "range_not_satisfiable").await;
+    let outside = get_with(&folder, path, &[("range", "bytes=10-")]).await;
+    assert_eq!(header(&outside, "content-range"), "bytes */10");
+    assert_problem(outside, StatusCode::RANGE_NOT_SATISFIABLE, "range_not_satisfiable").await;
 }
 
 #[tokio::test]
-async fn what_can_be_had_in_parts_is_sent_as_it_is() {
+async fn files_with_range_support_are_not_compressed() {
     let folder = folder();
     let config = format!("{{\"hidden\":[{}0]}}", "0,".repeat(2000));
     fs::write(folder.path().join("models/default/config.json"), &config).expect("a file");
@@ -218,7 +219,7 @@ async fn what_can_be_had_in_parts_is_sent_as_it_is() {
 }
 
 #[tokio::test]
-async fn weights_that_were_replaced_are_no_longer_those() {
+async fn replaced_weights_are_not_served_under_the_old_hash() {
     let folder = folder();
     let path = "/api/v1/models/default/weights";
     let before = format!("{path}?blake3={}", blake3::hash(WEIGHTS));
@@ -230,20 +231,20 @@ async fn weights_that_were_replaced_are_no_longer_those() {
 }
 
 #[tokio::test]
-async fn a_bad_card_does_not_take_the_weights_away() {
+async fn model_stays_usable_when_its_card_is_invalid() {
     let folder = folder();
     std::fs::write(folder.path().join("models/default/card.json"), b"{\"lifted\":")
         .expect("a card");
     for path in ["/api/v1/models", "/api/v1/models/default"] {
-        let answer = json(get(&folder, path).await).await;
-        let model = answer["data"].get(0).unwrap_or(&answer);
+        let response = json(get(&folder, path).await).await;
+        let model = response["data"].get(0).unwrap_or(&response);
         assert!(model["card"].is_null() && model["files"]["weights"]["bytes"].is_u64(), "{model}");
         assert!(model["card_error"].as_str().is_some_and(|e| e.contains("card.json")), "{model}");
     }
 }
 
 #[tokio::test]
-async fn every_error_is_a_problem() {
+async fn errors_are_problem_documents() {
     let folder = folder();
     for (path, code) in [
         ("/api", "not_found"),
@@ -256,7 +257,7 @@ async fn every_error_is_a_problem() {
         ("/..%2fmodels/default/card.json", "not_found"),
         ("/assets/../../models/default/card.json", "not_found"),
         ("/api/v1/models/draft", "model_not_found"),
-        ("/api/v1/models/default/starts", "model_file_not_found"),
+        ("/api/v1/models/default/start_configurations", "model_file_not_found"),
         ("/api/v1/models/default/card.json", "model_file_not_found"),
     ] {
         assert_problem(get(&folder, path).await, StatusCode::NOT_FOUND, code).await;
@@ -264,20 +265,20 @@ async fn every_error_is_a_problem() {
     for (path, code) in [
         ("/api/v1/models/..", "invalid_model_id"),
         ("/api/v1/models/%2e%2e%2fdefault", "invalid_model_id"),
-        ("/api/v1/models/%ff", "invalid_address"),
+        ("/api/v1/models/%ff", "invalid_query"),
     ] {
         assert_problem(get(&folder, path).await, StatusCode::BAD_REQUEST, code).await;
     }
     for path in ["/api/v1/models", "/api/v1/models/default/weights", "/healthz", "/"] {
         let request = Request::builder().method(Method::DELETE).uri(path).body(Body::empty());
-        let answer = send(&folder, request.expect("a request")).await;
-        assert_eq!(answer.headers()[header::ALLOW], "GET,HEAD");
-        assert_problem(answer, StatusCode::METHOD_NOT_ALLOWED, "method_not_allowed").await;
+        let response = send(&folder, request.expect("a request")).await;
+        assert_eq!(response.headers()[header::ALLOW], "GET,HEAD");
+        assert_problem(response, StatusCode::METHOD_NOT_ALLOWED, "method_not_allowed").await;
     }
 }
 
 #[tokio::test]
-async fn health_is_answered_while_nothing_is_built() {
+async fn liveness_probe_succeeds_without_a_built_page() {
     let empty = tempfile::tempdir().expect("a temporary folder");
     assert_eq!(json(get(&empty, "/healthz").await).await["status"], "ok");
 }

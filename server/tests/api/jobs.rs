@@ -1,15 +1,15 @@
-//! Jobs by request and answer, while nobody works on them.
+//! Job endpoints, with a scheduler that does not start jobs.
 
-use crate::{ask, assert_problem, idle, idle_in, json_of, send, send_with};
+use crate::{assert_problem, create_job, json_of, send, send_with, test_app, test_state};
 use axum::http::StatusCode;
 use axum::response::Response;
 use serde_json::{Value, json};
 use server::{AppState, app};
 
 #[tokio::test]
-async fn a_job_says_all_that_was_decided() {
-    let (app, _folder) = idle().await;
-    let id = ask(&app, "first").await;
+async fn job_contains_all_members_and_resolved_params() {
+    let (app, _folder) = test_app().await;
+    let id = create_job(&app, "first").await;
     let job = json_of(send(&app, "GET", &format!("/jobs/{id}"), "").await).await;
     assert_eq!(job["status"], "queued");
     assert_eq!(
@@ -26,7 +26,7 @@ async fn a_job_says_all_that_was_decided() {
     }
 }
 
-/// The members of a job, as the documentation lists them.
+/// Asserts the members of a job.
 fn assert_members(names: &[&String]) {
     let expected = [
         "attempt",
@@ -59,12 +59,12 @@ fn assert_members(names: &[&String]) {
 }
 
 #[tokio::test]
-async fn what_is_asked_wrongly_is_refused_by_name() {
-    let (app, _folder) = idle().await;
+async fn invalid_requests_are_rejected_with_the_parameter_name() {
+    let (app, _folder) = test_app().await;
     let cases = [
         ("{", 400, "malformed_json", None),
         ("[]", 400, "malformed_json", None),
-        // The fields of a request in their order, which serde would take.
+        // An array of the member values, which serde alone would accept.
         (r#"["dataset.generate", {"preset": "smoke"}]"#, 400, "malformed_json", None),
         (r#"{"kind": "dataset.make"}"#, 422, "invalid_parameter", Some("kind")),
         (r#"{"kind": "dataset.generate", "param": {}}"#, 422, "invalid_parameter", Some("param")),
@@ -94,8 +94,8 @@ async fn what_is_asked_wrongly_is_refused_by_name() {
         ),
     ];
     for (body, status, code, param) in cases {
-        let answer = send(&app, "POST", "/jobs", body).await;
-        let problem = assert_problem(answer, status, code).await;
+        let response = send(&app, "POST", "/jobs", body).await;
+        let problem = assert_problem(response, status, code).await;
         if let Some(param) = param {
             assert_eq!(problem["errors"][0]["param"], param, "{body}: {problem}");
         }
@@ -109,34 +109,34 @@ async fn what_is_asked_wrongly_is_refused_by_name() {
 }
 
 #[tokio::test]
-async fn a_dry_run_answers_and_does_nothing() {
-    let (app, _folder) = idle().await;
+async fn dry_run_returns_an_estimate_without_creating_a_job() {
+    let (app, _folder) = test_app().await;
     let body = r#"{"kind": "dataset.generate", "params": {"preset": "smoke"}}"#;
-    let answer = json_of(send(&app, "POST", "/jobs?dry_run=true", body).await).await;
-    assert_eq!((&answer["id"], &answer["params"]["preset"]), (&Value::Null, &json!("smoke")));
-    let estimate = &answer["estimate"];
+    let response = json_of(send(&app, "POST", "/jobs?dry_run=true", body).await).await;
+    assert_eq!((&response["id"], &response["params"]["preset"]), (&Value::Null, &json!("smoke")));
+    let estimate = &response["estimate"];
     assert!(estimate["seconds"].as_f64().is_some_and(|seconds| seconds > 1.0), "{estimate}");
     assert!(estimate["bytes"].as_f64().is_some_and(|bytes| bytes > 1e6), "{estimate}");
     assert_eq!(json_of(send(&app, "GET", "/jobs", "").await).await["data"], json!([]));
 }
 
 #[tokio::test]
-async fn a_key_asks_once() {
-    let (app, _folder) = idle().await;
+async fn idempotency_key_creates_one_job() {
+    let (app, _folder) = test_app().await;
     let body = r#"{"kind": "dataset.generate"}"#;
     let key = [("idempotency-key", "k1")];
     let first = json_of(send_with(&app, "POST", "/jobs", body, &key).await).await;
     let again = json_of(send_with(&app, "POST", "/jobs", body, &key).await).await;
     assert_eq!(first["id"], again["id"]);
     let other = r#"{"kind": "dataset.generate", "name": "other"}"#;
-    let answer = send_with(&app, "POST", "/jobs", other, &key).await;
-    assert_problem(answer, 422, "idempotency_key_reused").await;
-    // At once, and as often as one likes.
+    let response = send_with(&app, "POST", "/jobs", other, &key).await;
+    assert_problem(response, 422, "idempotency_key_reused").await;
+    // Concurrent requests with the same key.
     let key = [("idempotency-key", "k2")];
-    let asked = (0..20).map(|_| send_with(&app, "POST", "/jobs", body, &key));
+    let requests = (0..20).map(|_| send_with(&app, "POST", "/jobs", body, &key));
     let mut ids = Vec::new();
-    for answer in futures_util::future::join_all(asked).await {
-        ids.push(json_of(answer).await["id"].clone());
+    for response in futures_util::future::join_all(requests).await {
+        ids.push(json_of(response).await["id"].clone());
     }
     ids.dedup();
     assert_eq!(ids.len(), 1);
@@ -145,11 +145,11 @@ async fn a_key_asks_once() {
 }
 
 #[tokio::test]
-async fn lists_are_read_page_by_page() {
-    let (app, _folder) = idle().await;
+async fn job_list_is_paginated_and_filtered() {
+    let (app, _folder) = test_app().await;
     let mut ids = Vec::new();
     for name in ["a", "b", "c", "d", "e"] {
-        ids.push(ask(&app, name).await);
+        ids.push(create_job(&app, name).await);
     }
     let mut seen = Vec::new();
     let mut path = "/jobs?limit=2".to_owned();
@@ -172,22 +172,22 @@ async fn lists_are_read_page_by_page() {
 }
 
 #[tokio::test]
-async fn what_waits_is_cancelled_paused_tried_again_and_deleted() {
-    let (app, _folder) = idle().await;
-    let id = ask(&app, "x").await;
-    let act = async |verb: &str| send(&app, "POST", &format!("/jobs/{id}/{verb}"), "").await;
-    let status = async |answer: Response| json_of(answer).await["status"].clone();
+async fn queued_job_can_be_cancelled_paused_resumed_patched_cloned_and_deleted() {
+    let (app, _folder) = test_app().await;
+    let id = create_job(&app, "x").await;
+    let act = async |action: &str| send(&app, "POST", &format!("/jobs/{id}/{action}"), "").await;
+    let status = async |response: Response| json_of(response).await["status"].clone();
     for query in ["dry_run=1", "dryrun=true"] {
         let body = r#"{"kind": "dataset.generate"}"#;
-        let unclear = send(&app, "POST", &format!("/jobs?{query}"), body).await;
-        assert_problem(unclear, 422, "invalid_parameter").await;
+        let invalid = send(&app, "POST", &format!("/jobs?{query}"), body).await;
+        assert_problem(invalid, 422, "invalid_parameter").await;
     }
     assert_eq!(status(act("pause").await).await, "paused");
-    assert_eq!(status(act("pause").await).await, "paused", "again does no harm");
+    assert_eq!(status(act("pause").await).await, "paused", "pausing is idempotent");
     assert_problem(act("retry").await, 409, "invalid_state").await;
     assert_eq!(status(act("resume").await).await, "queued");
-    let answer = send(&app, "DELETE", &format!("/jobs/{id}"), "").await;
-    assert_problem(answer, 409, "invalid_state").await;
+    let response = send(&app, "DELETE", &format!("/jobs/{id}"), "").await;
+    assert_problem(response, 409, "invalid_state").await;
     assert_eq!(status(act("cancel").await).await, "cancelled");
     assert_eq!(status(act("cancel").await).await, "cancelled");
     assert_problem(act("pause").await, 409, "invalid_state").await;
@@ -197,10 +197,10 @@ async fn what_waits_is_cancelled_paused_tried_again_and_deleted() {
     assert_problem(patch, 400, "malformed_json").await;
     let patch = send(&app, "PATCH", &format!("/jobs/{id}"), r#"{"name": "better"}"#).await;
     assert_eq!(json_of(patch).await["name"], "better");
-    let about = r#"{"name": "passing", "metadata": {"for": "a test"}}"#;
-    let patch = json_of(send(&app, "PATCH", &format!("/jobs/{id}"), about).await).await;
+    let both = r#"{"name": "passing", "metadata": {"for": "a test"}}"#;
+    let patch = json_of(send(&app, "PATCH", &format!("/jobs/{id}"), both).await).await;
     assert_eq!((&patch["name"], &patch["metadata"]["for"]), (&"passing".into(), &"a test".into()));
-    // What is left out stays, null takes away.
+    // An absent member is not changed; null removes it.
     let patch = send(&app, "PATCH", &format!("/jobs/{id}"), r#"{"metadata": null}"#).await;
     let patch = json_of(patch).await;
     assert_eq!((&patch["name"], &patch["metadata"]), (&"passing".into(), &json!({})));
@@ -212,38 +212,39 @@ async fn what_waits_is_cancelled_paused_tried_again_and_deleted() {
     assert!(copy["id"] != id.as_str() && copy["name"] == "better");
     let events = json_of(send(&app, "GET", &format!("/jobs/{id}/events"), "").await).await;
     let events = events["data"].as_array().unwrap().iter();
-    let told: Vec<&str> = events.map(|event| event["data"]["status"].as_str().unwrap()).collect();
-    assert_eq!(told, ["queued", "paused", "queued", "cancelled"]);
-    // All of it is read, and nothing will come.
+    let statuses: Vec<&str> =
+        events.map(|event| event["data"]["status"].as_str().unwrap()).collect();
+    assert_eq!(statuses, ["queued", "paused", "queued", "cancelled"]);
+    // The job has finished and no event follows this id.
     let stream = send(&app, "GET", &format!("/jobs/{id}/stream?after=1000000"), "").await;
     assert_eq!(stream.status(), StatusCode::NO_CONTENT);
-    let answer = send(&app, "DELETE", &format!("/jobs/{id}"), "").await;
-    assert_eq!(answer.status(), StatusCode::NO_CONTENT);
+    let response = send(&app, "DELETE", &format!("/jobs/{id}"), "").await;
+    assert_eq!(response.status(), StatusCode::NO_CONTENT);
     assert_problem(send(&app, "GET", &format!("/jobs/{id}"), "").await, 404, "job_not_found").await;
 }
 
 #[tokio::test]
-async fn a_report_without_its_token_is_refused() {
-    let (app, _folder) = idle().await;
-    let id = ask(&app, "x").await;
+async fn worker_report_without_its_token_is_rejected() {
+    let (app, _folder) = test_app().await;
+    let id = create_job(&app, "x").await;
     let path = format!("/jobs/{id}/reports");
-    assert_problem(send(&app, "POST", &path, "{}").await, 409, "not_its_turn").await;
+    assert_problem(send(&app, "POST", &path, "{}").await, 409, "stale_worker").await;
     let token = [("authorization", "Bearer 0123")];
-    let answer = send_with(&app, "POST", &path, r#"{"ended": "done"}"#, &token).await;
-    assert_problem(answer, 409, "not_its_turn").await;
+    let response = send_with(&app, "POST", &path, r#"{"completion": "succeeded"}"#, &token).await;
+    assert_problem(response, 409, "stale_worker").await;
     let job = json_of(send(&app, "GET", &format!("/jobs/{id}"), "").await).await;
     assert_eq!(job["status"], "queued");
 }
 
 #[tokio::test]
-async fn who_has_a_job_as_it_is_needs_nothing() {
-    let (app, _folder) = idle().await;
-    let path = format!("/jobs/{}", ask(&app, "x").await);
+async fn job_is_not_modified_when_its_etag_matches() {
+    let (app, _folder) = test_app().await;
+    let path = format!("/jobs/{}", create_job(&app, "x").await);
     let tag = send(&app, "GET", &path, "").await.headers()["etag"].to_str().unwrap().to_owned();
-    for known in [tag.clone(), format!("W/{tag}"), format!("\"0\", {tag}"), "*".into()] {
+    for etag in [tag.clone(), format!("W/{tag}"), format!("\"0\", {tag}"), "*".into()] {
         for path in [path.clone(), format!("{path}?wait=0.1s")] {
-            let answer = send_with(&app, "GET", &path, "", &[("if-none-match", &known)]).await;
-            assert_eq!(answer.status(), StatusCode::NOT_MODIFIED, "{known}");
+            let response = send_with(&app, "GET", &path, "", &[("if-none-match", &etag)]).await;
+            assert_eq!(response.status(), StatusCode::NOT_MODIFIED, "{etag}");
         }
     }
     let other = [("if-none-match", "\"another\"")];
@@ -251,50 +252,50 @@ async fn who_has_a_job_as_it_is_needs_nothing() {
 }
 
 #[tokio::test]
-async fn whoever_waits_is_told_of_a_change() {
-    let (app, _folder) = idle().await;
-    let id = ask(&app, "x").await;
+async fn waiting_request_returns_when_the_job_changes() {
+    let (app, _folder) = test_app().await;
+    let id = create_job(&app, "x").await;
     let path = format!("/jobs/{id}?wait=20s");
     let waiting = send(&app, "GET", &path, "");
     let cancelling = async {
         tokio::time::sleep(std::time::Duration::from_millis(50)).await;
         send(&app, "POST", &format!("/jobs/{id}/cancel"), "").await
     };
-    let began = std::time::Instant::now();
-    let (told, _) = futures_util::future::join(waiting, cancelling).await;
-    assert_eq!(json_of(told).await["status"], "cancelled");
-    assert!(began.elapsed().as_secs() < 10);
+    let started = std::time::Instant::now();
+    let (response, _) = futures_util::future::join(waiting, cancelling).await;
+    assert_eq!(json_of(response).await["status"], "cancelled");
+    assert!(started.elapsed().as_secs() < 10);
 }
 
 #[tokio::test]
-async fn a_log_that_is_empty_has_no_parts() {
-    let (app, _folder) = idle().await;
-    let log = format!("/jobs/{}/logs", ask(&app, "x").await);
+async fn range_of_an_empty_log_is_ignored() {
+    let (app, _folder) = test_app().await;
+    let log = format!("/jobs/{}/logs", create_job(&app, "x").await);
     for range in ["bytes=0-", "bytes=-5", "bytes=0-0"] {
-        let answer = send_with(&app, "GET", &log, "", &[("range", range)]).await;
-        assert_eq!(answer.status(), StatusCode::OK, "{range}");
-        assert_eq!(answer.headers()["content-length"], "0", "{range}");
+        let response = send_with(&app, "GET", &log, "", &[("range", range)]).await;
+        assert_eq!(response.status(), StatusCode::OK, "{range}");
+        assert_eq!(response.headers()["content-length"], "0", "{range}");
     }
 }
 
 #[tokio::test]
-async fn what_was_being_forgotten_when_the_server_ended_is_forgotten() {
+async fn restart_deletes_folders_of_deleted_jobs() {
     let folder = tempfile::tempdir().unwrap();
-    let of_job = |id: &str| folder.path().join("data/work").join(id);
+    let job_dir = |id: &str| folder.path().join("data/work").join(id);
     let id = {
-        let app = app(idle_in(folder.path()).await);
-        let id = ask(&app, "x").await;
+        let app = app(test_state(folder.path()).await);
+        let id = create_job(&app, "x").await;
         for id in [&id, "job_gone"] {
-            std::fs::create_dir_all(of_job(id).join("out")).unwrap();
+            std::fs::create_dir_all(job_dir(id).join("out")).unwrap();
         }
         id
     };
-    idle_in(folder.path()).await;
-    assert!(of_job(&id).exists() && !of_job("job_gone").exists());
+    test_state(folder.path()).await;
+    assert!(job_dir(&id).exists() && !job_dir("job_gone").exists());
 }
 
 #[tokio::test]
-async fn a_server_without_a_folder_says_how_to_start_one() {
+async fn jobs_are_disabled_without_a_data_folder() {
     let folder = tempfile::tempdir().unwrap();
     let app = app(AppState::new(folder.path(), folder.path()));
     assert_problem(send(&app, "GET", "/jobs", "").await, 404, "jobs_disabled").await;
@@ -303,40 +304,40 @@ async fn a_server_without_a_folder_says_how_to_start_one() {
 }
 
 #[tokio::test]
-async fn changes_need_the_token_and_no_foreign_page() {
+async fn all_write_endpoints_require_the_token_and_an_allowed_origin() {
     let folder = tempfile::tempdir().unwrap();
-    let app = app(idle_in(folder.path()).await.with_token("0123456789abcdef"));
-    let described = serde_json::to_value(server::openapi()).unwrap();
-    let mut changes = Vec::new();
-    for (path, item) in described["paths"].as_object().unwrap() {
-        // What operators ask lies elsewhere, and changes nothing.
+    let app = app(test_state(folder.path()).await.with_token("0123456789abcdef"));
+    let openapi = serde_json::to_value(server::openapi()).unwrap();
+    let mut writes = Vec::new();
+    for (path, item) in openapi["paths"].as_object().unwrap() {
+        // Endpoints for operators are outside of /api/v1 and read-only.
         let Some(inner) = path.strip_prefix("/api/v1/") else {
             assert_eq!(item.as_object().unwrap().keys().collect::<Vec<_>>(), ["get"], "{path}");
             continue;
         };
-        let path = format!("/{inner}").replace("{verb}", "cancel");
+        let path = format!("/{inner}").replace("{action}", "cancel");
         let path = path.replace(['{', '}'], "");
-        // A job's process has a token of its own: see below.
+        // Workers have their own tokens; see the test of reports.
         for method in ["post", "put", "patch", "delete"] {
             if item[method].is_object() && !path.ends_with("/reports") {
-                changes.push((method.to_uppercase(), path.clone()));
+                writes.push((method.to_uppercase(), path.clone()));
             }
         }
     }
-    assert!(changes.len() >= 6, "{changes:?}");
-    for (method, path) in changes {
+    assert!(writes.len() >= 6, "{writes:?}");
+    for (method, path) in writes {
         for token in [None, Some("Bearer wrong"), Some("0123456789abcdef")] {
             let headers: Vec<_> = token.map(|token| ("authorization", token)).into_iter().collect();
-            let answer = send_with(&app, &method, &path, "{}", &headers).await;
-            assert_eq!(answer.headers()["www-authenticate"], "Bearer", "{method} {path}");
-            assert_problem(answer, 401, "unauthorized").await;
+            let response = send_with(&app, &method, &path, "{}", &headers).await;
+            assert_eq!(response.headers()["www-authenticate"], "Bearer", "{method} {path}");
+            assert_problem(response, 401, "unauthorized").await;
         }
         let headers = [("authorization", "Bearer 0123456789abcdef")];
-        let answer = send_with(&app, &method, &path, "{}", &headers).await;
-        assert_ne!(answer.status(), StatusCode::UNAUTHORIZED, "{method} {path}");
+        let response = send_with(&app, &method, &path, "{}", &headers).await;
+        assert_ne!(response.status(), StatusCode::UNAUTHORIZED, "{method} {path}");
         let headers = [headers[0], ("host", "here:8787"), ("origin", "http://evil.example")];
-        let answer = send_with(&app, &method, &path, "{}", &headers).await;
-        assert_problem(answer, 403, "foreign_origin").await;
+        let response = send_with(&app, &method, &path, "{}", &headers).await;
+        assert_problem(response, 403, "origin_not_allowed").await;
     }
     assert_eq!(send(&app, "GET", "/jobs", "").await.status(), StatusCode::OK);
 }

@@ -1,12 +1,12 @@
-//! The server by request and answer, without a socket.
+//! API tests: requests and responses, without a socket.
 
-#![allow(clippy::unwrap_used, reason = "a helper of a test fails by panicking too")]
+#![allow(clippy::unwrap_used, reason = "test helpers fail by panicking")]
 
 mod files;
 mod jobs;
 mod meshes;
 mod openapi;
-mod operation;
+mod system;
 mod workers;
 
 use axum::Router;
@@ -15,7 +15,7 @@ use axum::http::{Request, StatusCode};
 use axum::response::Response;
 use http_body_util::BodyExt;
 use serde_json::{Value, json};
-use server::engine::{Engine, EngineConfig};
+use server::scheduler::{JobScheduler, SchedulerConfig};
 use server::{AppState, app};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -23,33 +23,37 @@ use tempfile::TempDir;
 use tokio::sync::watch;
 use tower::ServiceExt;
 
-/// A server whose engine does not work on its jobs, and the folder that it keeps.
-async fn idle() -> (Router, TempDir) {
+/// A server that does not start its jobs, and its data folder.
+async fn test_app() -> (Router, TempDir) {
     let folder = tempfile::tempdir().unwrap();
-    let state = idle_in(folder.path()).await;
+    let state = test_state(folder.path()).await;
     (app(state), folder)
 }
 
-async fn idle_in(folder: &Path) -> AppState {
-    working_with(folder, "ngf".into(), 0).await.0
+async fn test_state(folder: &Path) -> AppState {
+    state_with_scheduler(folder, "ngf".into(), 0).await.0
 }
 
-/// A server in `folder` and its engine, which does jobs with `program` once it is told to work, and
-/// warns where fewer than `free_bytes` of the disk are free.
-async fn working_with(folder: &Path, program: PathBuf, free_bytes: u64) -> (AppState, Arc<Engine>) {
-    let config = EngineConfig {
-        data: folder.join("data"),
-        models: folder.join("models"),
+/// State of a server in `folder`, and its scheduler, which starts `program` for each job once it runs. Alerts
+/// are raised when less than `min_free_bytes` of disk space is free.
+async fn state_with_scheduler(
+    folder: &Path,
+    program: PathBuf,
+    min_free_bytes: u64,
+) -> (AppState, Arc<JobScheduler>) {
+    let config = SchedulerConfig {
+        data_dir: folder.join("data"),
+        models_dir: folder.join("models"),
         program,
-        places: 1,
-        free_bytes,
+        max_concurrent: 1,
+        min_free_bytes,
     };
-    let engine = Engine::open(config).await.unwrap();
+    let scheduler = JobScheduler::open(config).await.unwrap();
     let state = AppState::new(&folder.join("web"), &folder.join("models"));
-    (state.with_engine(engine.clone(), watch::channel(false).1), engine)
+    (state.with_scheduler(scheduler.clone(), watch::channel(false).1), scheduler)
 }
 
-/// Asks something of the API.
+/// Sends a request to the API.
 async fn send(app: &Router, method: &str, path: &str, body: impl Into<Body>) -> Response {
     send_with(app, method, path, body, &[]).await
 }
@@ -71,21 +75,22 @@ async fn json_of(response: Response) -> Value {
     serde_json::from_slice(&bytes).unwrap_or_else(|e| panic!("{e}: {bytes:?}"))
 }
 
-async fn assert_problem(answer: Response, status: u16, code: &str) -> Value {
-    assert_eq!(answer.headers()["content-type"], "application/problem+json");
-    assert_eq!(answer.status(), status, "{code}");
-    let problem = json_of(answer).await;
+/// Asserts status and code of an error response; returns its body.
+async fn assert_problem(response: Response, status: u16, code: &str) -> Value {
+    assert_eq!(response.headers()["content-type"], "application/problem+json");
+    assert_eq!(response.status(), status, "{code}");
+    let problem = json_of(response).await;
     assert_eq!(problem["code"], code, "{problem}");
     problem
 }
 
-/// Asks for a small dataset.
-async fn ask(app: &Router, name: &str) -> String {
+/// Creates a dataset job with this name.
+async fn create_job(app: &Router, name: &str) -> String {
     let body = json!({ "kind": "dataset.generate", "name": name, "metadata": { "of": name } });
-    let answer = send(app, "POST", "/jobs", body.to_string()).await;
-    assert_eq!(answer.status(), StatusCode::CREATED);
-    let location = answer.headers()["location"].to_str().unwrap().to_owned();
-    let job = json_of(answer).await;
+    let response = send(app, "POST", "/jobs", body.to_string()).await;
+    assert_eq!(response.status(), StatusCode::CREATED);
+    let location = response.headers()["location"].to_str().unwrap().to_owned();
+    let job = json_of(response).await;
     let id = job["id"].as_str().unwrap().to_owned();
     assert_eq!(location, format!("/api/v1/jobs/{id}"));
     id

@@ -1,18 +1,18 @@
-//! The description of all requests is the one that was reviewed.
+//! The OpenAPI description matches the reviewed file.
 
 use std::path::Path;
 
-/// After a change that is meant, write it anew: `NGF_WRITE=1 cargo test -p server openapi`.
+/// After an intended change, regenerate the file: `UPDATE_EXPECT=1 cargo test -p server openapi`.
 #[test]
-fn the_description_is_the_one_that_was_reviewed() {
+fn openapi_description_matches_the_reviewed_file() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("openapi.json");
-    let now = server::openapi().to_pretty_json().expect("JSON") + "\n";
-    if std::env::var_os("NGF_WRITE").is_some() {
-        std::fs::write(&path, &now).expect("a file");
+    let current = server::openapi().to_pretty_json().expect("JSON") + "\n";
+    if std::env::var_os("UPDATE_EXPECT").is_some() {
+        std::fs::write(&path, &current).expect("a file");
     }
-    let before = std::fs::read_to_string(&path).unwrap_or_default();
+    let reviewed = std::fs::read_to_string(&path).unwrap_or_default();
     assert!(
-        now == before,
-        "server/openapi.json is not what the code says; if it should: NGF_WRITE=1 cargo test -p server openapi"
+        current == reviewed,
+        "server/openapi.json differs from the code; after an intended change run: UPDATE_EXPECT=1 cargo test -p server openapi"
     );
 }

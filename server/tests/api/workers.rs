@@ -1,17 +1,17 @@
-//! Jobs whose programs or disk go wrong.
+//! Failures of workers and of the disk.
 
-use crate::{ask, assert_problem, json_of, send, working_with};
+use crate::{assert_problem, create_job, json_of, send, state_with_scheduler};
 use serde_json::Value;
 use server::app;
 
 #[tokio::test]
-async fn a_program_that_always_crashes_is_given_up() {
+async fn job_fails_when_its_worker_always_crashes() {
     let folder = tempfile::tempdir().unwrap();
-    // Ends at once, and says nothing.
-    let (state, engine) = working_with(folder.path(), "false".into(), 0).await;
+    // Exits immediately, without a report.
+    let (state, scheduler) = state_with_scheduler(folder.path(), "false".into(), 0).await;
     let app = app(state);
-    let working = tokio::spawn(engine.work("http://127.0.0.1:9"));
-    let id = ask(&app, "x").await;
+    let running = tokio::spawn(scheduler.run("http://127.0.0.1:9"));
+    let id = create_job(&app, "x").await;
     let mut job = Value::Null;
     for _ in 0..200 {
         job = json_of(send(&app, "GET", &format!("/jobs/{id}?wait=1s"), "").await).await;
@@ -19,7 +19,7 @@ async fn a_program_that_always_crashes_is_given_up() {
             break;
         }
     }
-    working.abort();
+    running.abort();
     assert_eq!(job["error"]["code"], "worker_lost", "{job}");
     assert_eq!(job["attempt"], 6);
     assert_eq!(job["resumable"], true);
@@ -34,17 +34,17 @@ async fn a_program_that_always_crashes_is_given_up() {
 
 #[tokio::test]
 #[cfg(unix)]
-async fn of_a_disk_that_fills_up_those_are_told_whose_jobs_run() {
+async fn running_job_gets_an_alert_when_disk_space_is_low() {
     use std::os::unix::fs::PermissionsExt;
     let folder = tempfile::tempdir().unwrap();
-    // Works for a while, whatever it is told.
-    let program = folder.path().join("works");
+    // Runs for a minute, with any arguments.
+    let program = folder.path().join("worker");
     std::fs::write(&program, "#!/bin/sh\nexec sleep 60\n").unwrap();
     std::fs::set_permissions(&program, std::fs::Permissions::from_mode(0o755)).unwrap();
-    let (state, engine) = working_with(folder.path(), program, u64::MAX).await;
+    let (state, scheduler) = state_with_scheduler(folder.path(), program, u64::MAX).await;
     let app = app(state);
-    let id = ask(&app, "x").await;
-    let working = tokio::spawn(engine.clone().work("http://127.0.0.1:9"));
+    let id = create_job(&app, "x").await;
+    let running = tokio::spawn(scheduler.clone().run("http://127.0.0.1:9"));
     let mut alerts = Value::Null;
     for _ in 0..200 {
         let path = format!("/jobs/{id}/events?type=alert");
@@ -54,9 +54,9 @@ async fn of_a_disk_that_fills_up_those_are_told_whose_jobs_run() {
         }
         tokio::time::sleep(std::time::Duration::from_millis(50)).await;
     }
-    working.abort();
-    engine.rest().await;
+    running.abort();
+    scheduler.shutdown().await;
     assert_eq!(alerts.as_array().unwrap().len(), 1, "{alerts}");
     assert_eq!(alerts[0]["data"]["code"], "disk_low", "{alerts}");
-    assert!(alerts[0]["message"].as_str().unwrap().starts_with("the disk has "), "{alerts}");
+    assert!(alerts[0]["message"].as_str().unwrap().starts_with("only "), "{alerts}");
 }

@@ -1,12 +1,12 @@
-// The server's API: JSON in and out, problems as errors, a token where it is asked for.
+// Client of the server's API: JSON requests, RFC 9457 problems as errors, bearer token on demand.
 
 import { h } from "./dom";
-import { answered, NO_SERVER, TOKEN } from "./strings";
+import { httpStatus, NO_SERVER, TOKEN } from "./strings";
 
-// The site may lie in any folder of its host: every page says where its root is.
+// The site can be served from any folder: each page states the relative path to its root in `data-root`.
 export const API = new URL(`${document.documentElement.dataset["root"] ?? "."}/api/v1/`, location.href);
 
-// Why the server refused (RFC 9457).
+// Error body (RFC 9457).
 export interface Problem {
   status: number;
   title: string;
@@ -17,7 +17,7 @@ export interface Problem {
   request_id?: string;
 }
 
-export class Refused extends Error {
+export class ApiError extends Error {
   readonly problem: Problem;
 
   constructor(problem: Problem) {
@@ -26,102 +26,106 @@ export class Refused extends Error {
   }
 }
 
+// Page of a cursor-paginated list.
 export interface List<T> {
   data: T[];
   has_more: boolean;
 }
 
-const KEY = "ngf-token";
+const TOKEN_KEY = "ngf-token";
 
-let wasRefused = false;
+let wasUnauthorized = false;
 
-// Whether the server wants its token, as far as this tab knows.
-export function isTokenWanted(): boolean {
-  return wasRefused || sessionStorage.getItem(KEY) !== null;
+// Whether the server requires a token, as known to this tab.
+export function isTokenRequired(): boolean {
+  return wasUnauthorized || sessionStorage.getItem(TOKEN_KEY) !== null;
 }
 
-export interface Manner {
+export interface RequestOptions {
   headers?: HeadersInit;
   signal?: AbortSignal;
-  // A server that wants its token refuses; nobody is asked for it.
-  isQuiet?: boolean;
+  // Throw on 401 instead of showing the token dialog.
+  skipTokenDialog?: boolean;
 }
 
-// Asks for something; paths are relative to /api/v1/.
-export async function ask<T>(path: string, method = "GET", body?: unknown, manner: Manner = {}): Promise<T> {
-  const answer = await send(path, method, body, manner);
-  if (answer.status === 204) return undefined as T;
-  if (answer.headers.get("content-type")?.includes("json")) return (await answer.json()) as T;
-  throw new Refused(noServer(NO_SERVER.otherAnswers(answer.url)));
+// Sends a request and returns its JSON body. Paths are relative to /api/v1/.
+export async function requestJson<T>(path: string, method = "GET", body?: unknown, options: RequestOptions = {}): Promise<T> {
+  const response = await request(path, method, body, options);
+  if (response.status === 204) return undefined as T;
+  if (response.headers.get("content-type")?.includes("json")) return (await response.json()) as T;
+  throw new ApiError(noServer(NO_SERVER.otherServer(response.url)));
 }
 
-// The same, for what is not JSON.
-export async function send(path: string, method = "GET", body?: unknown, manner: Manner = {}): Promise<Response> {
-  const token = sessionStorage.getItem(KEY);
-  const headers = new Headers(manner.headers);
+// Sends a request and returns the response, for bodies other than JSON.
+export async function request(path: string, method = "GET", body?: unknown, options: RequestOptions = {}): Promise<Response> {
+  const token = sessionStorage.getItem(TOKEN_KEY);
+  const headers = new Headers(options.headers);
   if (token) headers.set("Authorization", `Bearer ${token}`);
   const isRaw = body instanceof Blob;
   if (body !== undefined && !isRaw) headers.set("Content-Type", "application/json");
-  const sent = body === undefined || isRaw ? (body ?? null) : JSON.stringify(body);
-  let answer: Response;
+  const payload = body === undefined || isRaw ? (body ?? null) : JSON.stringify(body);
+  let response: Response;
   try {
-    // What is deleted as the page is left is deleted all the same.
+    // A deletion is sent even while the page is being closed.
     const keepalive = method === "DELETE";
-    answer = await fetch(new URL(path, API), { method, headers, body: sent, signal: manner.signal ?? null, keepalive });
+    const signal = options.signal ?? null;
+    response = await fetch(new URL(path, API), { method, headers, body: payload, signal, keepalive });
   } catch (error) {
-    throw new Refused(noServer(String(error)));
+    throw new ApiError(noServer(String(error)));
   }
-  wasRefused ||= answer.status === 401;
-  if (answer.status === 401 && !manner.isQuiet) {
-    await askForToken(token !== null);
-    return send(path, method, body, manner);
+  wasUnauthorized ||= response.status === 401;
+  if (response.status === 401 && !options.skipTokenDialog) {
+    await requestToken(token !== null);
+    return request(path, method, body, options);
   }
-  if (answer.ok) return answer;
-  if (answer.headers.get("content-type")?.includes("problem+json")) {
-    throw new Refused((await answer.json()) as Problem);
+  if (response.ok) return response;
+  if (response.headers.get("content-type")?.includes("problem+json")) {
+    throw new ApiError((await response.json()) as Problem);
   }
-  throw new Refused(noServer(answered(answer.url, answer.status)));
+  throw new ApiError(noServer(httpStatus(response.url, response.status)));
 }
 
-// Nobody who does jobs answers.
-export function noServer(why: string): Problem {
+// Problem for a page without a reachable job server.
+export function noServer(reason: string): Problem {
   const { title, detail, hint } = NO_SERVER;
-  return { status: 0, title, code: "no_server", detail: detail(why), hint };
+  return { status: 0, title, code: "no_server", detail: detail(reason), hint };
 }
 
-// The question for the token while it is asked: whoever else needs it waits for the same answer.
-let asking: Promise<void> | null = null;
-const GIVEN = "given";
+// Open token dialog, shared by all requests that need the token.
+let openDialog: Promise<void> | null = null;
+const SUBMITTED = "submitted";
 
-// Resolves once a token is there.
-function askForToken(wasWrong: boolean): Promise<void> {
-  asking ??= dialogForToken(wasWrong).finally(() => (asking = null));
-  return asking;
+// Resolves once the user has entered a token.
+function requestToken(wasWrong: boolean): Promise<void> {
+  openDialog ??= showTokenDialog(wasWrong).finally(() => (openDialog = null));
+  return openDialog;
 }
 
-function dialogForToken(wasWrong: boolean): Promise<void> {
+function showTokenDialog(wasWrong: boolean): Promise<void> {
   return new Promise((resolve, reject) => {
-    // Other characters no header takes.
+    // Printable ASCII without spaces: other characters are invalid in a header.
     const pattern = { pattern: "[!-~]+", title: TOKEN.pattern };
     const input = h("input", { type: "password", autocomplete: "off", required: true, "aria-label": TOKEN.label, ...pattern });
     const dialog = h(
       "dialog",
       { class: "token", "aria-label": TOKEN.label },
-      h("h2", {}, wasWrong ? TOKEN.wrong : TOKEN.asks),
+      h("h2", {}, wasWrong ? TOKEN.wrong : TOKEN.required),
       h("p", { class: "hint" }, TOKEN.hint),
       h(
         "form",
         { method: "dialog" },
         input,
-        h("button", { class: "primary", value: GIVEN }, TOKEN.goOn),
+        h("button", { class: "primary", value: SUBMITTED }, TOKEN.submit),
         h("button", { formnovalidate: true }, TOKEN.cancel),
       ),
     );
     document.body.append(dialog);
     dialog.addEventListener("close", () => {
       dialog.remove();
-      if (dialog.returnValue !== GIVEN) return reject(new Refused({ ...noServer(""), code: "no_token", ...TOKEN.missing }));
-      sessionStorage.setItem(KEY, input.value);
+      if (dialog.returnValue !== SUBMITTED) {
+        return reject(new ApiError({ ...noServer(""), code: "no_token", ...TOKEN.missing }));
+      }
+      sessionStorage.setItem(TOKEN_KEY, input.value);
       resolve();
     });
     dialog.showModal();

@@ -1,18 +1,18 @@
-// What stands around a request in a shell: the place of the token, and what is told of a command that is copied.
+// Shell command of a request: authorization header and copying.
 
-import { isTokenWanted } from "./api";
-import { copied } from "./dom";
+import { isTokenRequired } from "./api";
+import { copyText } from "./dom";
 import { COMMAND } from "./strings";
 
-// Of a request that changes something, where the page knows that the server wants its token: it was refused without, or
-// it came from another machine, from which nothing is changed without.
+// Authorization header of a write request, if the server is known to require a token: after a 401, or from another
+// machine, where write requests always need one.
 export function tokenHeader(): string {
-  const isHere = /^(localhost|127\.[\d.]+|\[::1\])$/.test(location.hostname);
-  return isHere && !isTokenWanted() ? "" : ' -H "Authorization: Bearer $TOKEN"';
+  const isLocal = /^(localhost|127\.[\d.]+|\[::1\])$/.test(location.hostname);
+  return isLocal && !isTokenRequired() ? "" : ' -H "Authorization: Bearer $TOKEN"';
 }
 
-// Copies the command that an element shows, or has it selected; gives what to say of it.
-export async function copyCommand(shown: HTMLElement): Promise<string> {
-  const said = (await copied(shown)) ? COMMAND.copied : COMMAND.selected;
-  return shown.textContent?.includes("$TOKEN") ? `${said} ${COMMAND.token}` : said;
+// Copies the command in `element`, or selects it. Returns the message for the user.
+export async function copyCommand(element: HTMLElement): Promise<string> {
+  const message = (await copyText(element)) ? COMMAND.copied : COMMAND.selected;
+  return element.textContent?.includes("$TOKEN") ? `${message} ${COMMAND.token}` : message;
 }

@@ -1,4 +1,4 @@
-// Elements: those of the page by id and type, and new ones.
+// DOM helpers: typed lookup by id, element construction, buttons, clipboard.
 
 export function element<T extends Element>(id: string, type: abstract new () => T): T {
   const found = document.getElementById(id);
@@ -6,10 +6,10 @@ export function element<T extends Element>(id: string, type: abstract new () => 
   return found;
 }
 
-// The buttons of a group of which one is chosen at a time.
-export function choice(id: string, chosen: (value: string) => void): (value: string | null) => void {
+// Button group with one active button. Returns the function that sets the active value.
+export function choice(id: string, onChoose: (value: string) => void): (value: string | null) => void {
   const buttons = [...element(id, HTMLElement).querySelectorAll("button")];
-  for (const button of buttons) button.addEventListener("click", () => chosen(button.value));
+  for (const button of buttons) button.addEventListener("click", () => onChoose(button.value));
   return (value) => {
     for (const button of buttons) button.setAttribute("aria-pressed", String(button.value === value));
   };
@@ -18,64 +18,64 @@ export function choice(id: string, chosen: (value: string) => void): (value: str
 export type Child = Node | string | null | false | undefined;
 export type Attributes = Record<string, string | number | boolean | null | ((event: Event) => void)>;
 
-// A new element; functions are listeners, true is an attribute without a value, null and false none.
+// Creates an HTML element. Function values become listeners, `true` an empty attribute; `null` and `false` are skipped.
 export function h<K extends keyof HTMLElementTagNameMap>(
   tag: K,
   attributes: Attributes = {},
   ...children: Child[]
 ): HTMLElementTagNameMap[K] {
-  const made = document.createElement(tag);
+  const created = document.createElement(tag);
   for (const [name, value] of Object.entries(attributes)) {
-    if (typeof value === "function") made.addEventListener(name, value);
-    else if (value === true) made.setAttribute(name, "");
-    else if (value !== null && value !== false) made.setAttribute(name, String(value));
+    if (typeof value === "function") created.addEventListener(name, value);
+    else if (value === true) created.setAttribute(name, "");
+    else if (value !== null && value !== false) created.setAttribute(name, String(value));
   }
-  made.append(...children.filter((child): child is Node | string => Boolean(child)));
-  return made;
+  created.append(...children.filter((child): child is Node | string => Boolean(child)));
+  return created;
 }
 
-// A new element of a drawing.
+// Creates an SVG element.
 export function svg<K extends keyof SVGElementTagNameMap>(
   tag: K,
   attributes: Record<string, string | number> = {},
   ...children: (Node | string)[]
 ): SVGElementTagNameMap[K] {
-  const made = document.createElementNS("http://www.w3.org/2000/svg", tag);
-  for (const [name, value] of Object.entries(attributes)) made.setAttribute(name, String(value));
-  made.append(...children);
-  return made;
+  const created = document.createElementNS("http://www.w3.org/2000/svg", tag);
+  for (const [name, value] of Object.entries(attributes)) created.setAttribute(name, String(value));
+  created.append(...children);
+  return created;
 }
 
-// A button that says that it is at work until it is done. What goes wrong then is told by whoever hears its event
-// "refused"; where nobody does, the browser's list of errors has it.
+// Button for an asynchronous action; disabled while the action runs. An error is dispatched as the bubbling event
+// "action-error". If no listener cancels that event, the error is thrown and reaches the browser's console.
 export function button(label: string, act: () => unknown, attributes: Attributes = {}): HTMLButtonElement {
-  const made: HTMLButtonElement = h("button", { type: "button", ...attributes }, label);
-  made.addEventListener("click", async () => {
-    const hadFocus = document.activeElement === made;
-    made.disabled = true;
+  const created: HTMLButtonElement = h("button", { type: "button", ...attributes }, label);
+  created.addEventListener("click", async () => {
+    const hadFocus = document.activeElement === created;
+    created.disabled = true;
     try {
       await act();
     } catch (error) {
-      const refused = new CustomEvent("refused", { bubbles: true, cancelable: true, detail: error });
-      const isTold = !made.dispatchEvent(refused);
-      if (!isTold) throw error;
+      const event = new CustomEvent("action-error", { bubbles: true, cancelable: true, detail: error });
+      const isHandled = !created.dispatchEvent(event);
+      if (!isHandled) throw error;
     } finally {
-      made.disabled = false;
-      // Who cannot be pressed has no focus; nobody else has taken it.
-      if (hadFocus && document.activeElement === document.body) made.focus({ preventScroll: true });
+      created.disabled = false;
+      // A disabled button loses focus. Restore it unless the user has moved focus since.
+      if (hadFocus && document.activeElement === document.body) created.focus({ preventScroll: true });
     }
   });
-  return made;
+  return created;
 }
 
-// Copies a text, that of an element unless another is given, and gives whether that was possible: a page that came over
-// plain http from another machine has no clipboard. What is shown is selected then, so that whoever wants it copies it.
-export async function copied(shown: HTMLElement, text = shown.textContent ?? ""): Promise<boolean> {
+// Copies `text` (default: the text of `element`) and returns whether that succeeded. Pages served by plain HTTP from
+// another machine have no clipboard; the element's text is then selected for manual copying.
+export async function copyText(element: HTMLElement, text = element.textContent ?? ""): Promise<boolean> {
   try {
     await navigator.clipboard.writeText(text);
     return true;
   } catch {
-    getSelection()?.selectAllChildren(shown);
+    getSelection()?.selectAllChildren(element);
     return false;
   }
 }

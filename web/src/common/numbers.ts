@@ -1,5 +1,6 @@
-// Numbers as people read them.
+// Formatting of numbers, durations, sizes and dates.
 
+// `seconds` in the largest suitable unit; empty if not finite.
 export function duration(seconds: number): string {
   if (!Number.isFinite(seconds)) return "";
   const s = Math.max(0, Math.round(seconds));
@@ -11,7 +12,7 @@ export function duration(seconds: number): string {
   return `${Math.round(hours / 24)} days`;
 }
 
-export function size(bytes: number): string {
+export function byteSize(bytes: number): string {
   const units = ["bytes", "kB", "MB", "GB"];
   const k = bytes < 1000 ? 0 : Math.min(3, Math.floor(Math.log10(bytes) / 3));
   return `${(bytes / 1000 ** k).toFixed(k === 0 || bytes / 1000 ** k >= 100 ? 0 : 1)} ${units[k]}`;
@@ -26,15 +27,15 @@ export function number(value: number): string {
   return Math.abs(value) >= 1e-3 && Math.abs(value) < 1e6 ? value.toPrecision(4) : value.toExponential(2);
 }
 
-export function percent(share: number): string {
-  return `${(100 * share).toFixed(share > 0 && share < 0.1 ? 1 : 0)} %`;
+export function percent(fraction: number): string {
+  return `${(100 * fraction).toFixed(fraction > 0 && fraction < 0.1 ? 1 : 0)} %`;
 }
 
-export function when(time: string): string {
+export function dateTime(time: string): string {
   return new Date(time).toLocaleString("en-GB", { dateStyle: "medium", timeStyle: "short" });
 }
 
-// "sugar_box" as "Sugar box".
+// Display text of an identifier: "sugar_box" becomes "Sugar box".
 export function label(name: string): string {
   const words = name.replaceAll("_", " ");
   return words.charAt(0).toUpperCase() + words.slice(1);

@@ -1,6 +1,6 @@
-// The server's description of itself (OpenAPI 3.1), as far as a form or a page of documentation needs it.
+// Subset of OpenAPI 3.1 that the job form and the API page use.
 
-import { noServer, Refused } from "./api";
+import { ApiError, noServer } from "./api";
 import { NO_SERVER } from "./strings";
 
 export interface Schema {
@@ -38,33 +38,34 @@ export interface Operation {
   responses: Record<string, { description: string; content?: Record<string, { schema?: Schema }> }>;
 }
 
-export interface Description {
+export interface OpenApi {
   info: { title: string; version: string; description?: string };
   paths: Record<string, Record<string, Operation>>;
   components: { schemas: Record<string, Schema> };
 }
 
-export async function describe(): Promise<Description> {
-  const answer = await fetch(new URL("../openapi.json", location.href)).catch(() => null);
-  if (answer?.ok && answer.headers.get("content-type")?.includes("json")) return (await answer.json()) as Description;
-  throw new Refused(noServer(NO_SERVER.behindNone));
+export async function fetchOpenApi(): Promise<OpenApi> {
+  const response = await fetch(new URL("../openapi.json", location.href)).catch(() => null);
+  if (response?.ok && response.headers.get("content-type")?.includes("json")) return (await response.json()) as OpenApi;
+  throw new ApiError(noServer(NO_SERVER.staticHost));
 }
 
-// What a reference leads to, and what there is where there may be nothing.
-export function resolve(description: Description, schema: Schema): Schema {
-  const present = schema.oneOf?.length === 2 && schema.oneOf.some((one) => one.type === "null") && schema.oneOf.find((one) => one.type !== "null");
-  if (present) return resolve(description, present);
+// Follows `$ref`, and unwraps a nullable `oneOf`.
+export function resolve(api: OpenApi, schema: Schema): Schema {
+  const isNullable = schema.oneOf?.length === 2 && schema.oneOf.some(({ type }) => type === "null");
+  const variant = isNullable && schema.oneOf?.find(({ type }) => type !== "null");
+  if (variant) return resolve(api, variant);
   if (!schema.$ref) return schema;
-  const found = description.components.schemas[schema.$ref.split("/").pop() ?? ""] ?? {};
-  return { ...found, description: schema.description ?? found.description ?? "" };
+  const target = api.components.schemas[schema.$ref.split("/").pop() ?? ""] ?? {};
+  return { ...target, description: schema.description ?? target.description ?? "" };
 }
 
-// All members of an object, those of the parts that it is made of too.
-export function members(description: Description, schema: Schema): { properties: Record<string, Schema>; required: string[] } {
-  const whole = resolve(description, schema);
-  const parts = (whole.allOf ?? []).map((part) => members(description, part));
+// Properties of an object schema, including those of its `allOf` parts.
+export function objectProperties(api: OpenApi, schema: Schema): { properties: Record<string, Schema>; required: string[] } {
+  const resolved = resolve(api, schema);
+  const parts = (resolved.allOf ?? []).map((part) => objectProperties(api, part));
   return {
-    properties: Object.assign({}, ...parts.map((part) => part.properties), whole.properties),
-    required: [...parts.flatMap((part) => part.required), ...(whole.required ?? [])],
+    properties: Object.assign({}, ...parts.map((part) => part.properties), resolved.properties),
+    required: [...parts.flatMap((part) => part.required), ...(resolved.required ?? [])],
   };
 }

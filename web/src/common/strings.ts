@@ -1,35 +1,34 @@
-// What the pages say in common. Static text stands in the index.html of each.
+// Texts that all pages share. Static text is in each page's index.html.
 
 export const COPY_AS_CURL = "Copy as curl";
-export const RELOAD = "Reload the page; if it happens again, report it.";
+export const RELOAD = "Reload the page. If the error persists, report it.";
 
 export const outOf = (part: string | number, whole: string | number) => `${part} of ${whole}`;
-export const answered = (url: string, status: number) => `${url} answered ${status}`;
+export const httpStatus = (url: string, status: number) => `${url} returned HTTP ${status}`;
 
-// Nobody who does jobs answers.
 export const NO_SERVER = {
   title: "No server",
-  detail: (why: string) => `There is no server that does jobs: ${why}.`,
-  hint: "Start one with `ngf serve --data DIR` and open its address. The demo runs without any.",
-  behindNone: "none is behind this page",
-  otherAnswers: (url: string) => `${url} is not answered by ngf serve`,
+  detail: (reason: string) => `No job server reachable: ${reason}.`,
+  hint: "Start one with `ngf serve --data-dir DIR` and open its URL. The demo works without a server.",
+  staticHost: "this page is served as static files",
+  otherServer: (url: string) => `the response of ${url} is not from ngf serve`,
 } as const;
 
-// The question for the token.
+// Token dialog.
 export const TOKEN = {
   label: "Token",
-  asks: "This server asks for its token",
-  wrong: "This token is not the server’s",
-  hint: "It stands in the file that the server was started with, and is kept until this tab is closed.",
-  goOn: "Go on",
+  required: "This server requires a token",
+  wrong: "Wrong token",
+  hint: "The token is in the file that was passed to `ngf serve --token-file`. It is stored until this tab is closed.",
+  submit: "Continue",
   cancel: "Cancel",
-  pattern: "Letters, digits and signs, without spaces",
-  missing: { detail: "Without the token nothing can be changed.", hint: "Ask whoever runs the server for it." },
+  pattern: "Letters, digits and punctuation, without spaces",
+  missing: { detail: "Write requests need the token.", hint: "Ask the administrator of the server for it." },
 } as const;
 
-// A command for a shell.
+// Copied shell command.
 export const COMMAND = {
   copied: "Copied.",
-  selected: "Selected: this browser lets no page copy here. Press Ctrl+C, or ⌘C.",
-  token: "$TOKEN stands for the server’s token.",
+  selected: "Selected: this browser does not allow copying here. Press Ctrl+C or ⌘C.",
+  token: "Replace $TOKEN with the server’s token.",
 } as const;

@@ -1,81 +1,82 @@
-// What the page and its worker say to each other. The same in Rust: wasm/src/protocol.rs.
+// Messages between the page and its worker. The same in Rust: wasm/src/protocol.
 //
-// Metres, radians, kilograms, seconds; z is up; quaternions are x, y, z, w. Words for people are
-// made by the worker, which knows what happened; the page only shows them.
+// Metres, radians, kilograms, seconds; z is up; quaternions are x, y, z, w. The worker generates the texts
+// about objects and attempts; the page only displays them.
 
 export type Unit = "m" | "cm" | "mm" | "in";
 
-// Why an object stands as it does: as it is told or drawn; it would tip a little, and stands on its foot; it would fall
-// over, and lies on its steadiest side; or it lies as it looks most like what the policy learned from.
-export type Because = "given" | "drawnYUp" | "settled" | "wouldFall" | "laid";
+// Source of an orientation: the user's choice or a stable file; the y-up convention of the file; settling
+// after a small tilt; the most stable pose in place of an unstable file; or the stable pose most similar to
+// the training data.
+export type OrientationReason = "given" | "yUpFile" | "settled" | "unstable" | "chosenByModel";
 
-// How an object stands: as in its file, or on one of the sides that hold it, the steadiest being 0.
-export type Stands = "asInFile" | { on: number };
+// Orientation of the file, or a stable pose by index; 0 is the most stable one.
+export type Orientation = "asInFile" | { stablePose: number };
 
-// What somebody says of a mesh file; null is guessed.
-export interface Told {
+// The user's options for a mesh file; null selects the default.
+export interface ImportOptions {
   unit: Unit | null;
   massKg: number | null;
-  stands: Stands | null;
+  orientation: Orientation | null;
 }
 
-// An attempt goes through these in order; "idle" is before the first and after a reset.
-export type Phase = "idle" | "approach" | "policy" | "lift" | "hold" | "verdict";
+// Phases of an attempt in order; "idle" is before the first one and after a reset.
+export type Phase = "idle" | "approach" | "policy" | "lift" | "hold" | "outcome";
 
-// Where an object stands on the table.
+// Pose of the object on the table.
 export interface PlanarPose {
   x: number;
   y: number;
   yaw: number;
 }
 
-// Where somebody pulls at the object (its frame), and where to.
-export interface Pull {
+// Spring force of the user on the object: attachment point in the object frame, target in the world frame.
+export interface Drag {
   point: [number, number, number];
-  towards: [number, number, number];
+  target: [number, number, number];
 }
 
-export type ToWorker =
-  | { kind: "load"; object: string }
+export type WorkerRequest =
+  | { kind: "loadObject"; object: string }
   // A mesh, or a demonstration or a recorded attempt (JSON).
-  | ({ kind: "upload"; fileName: string; bytes: ArrayBuffer } & Told)
-  // Act by the model of this id, gently: unless something is under way when it has come; base is where the page lies.
-  | { kind: "model"; id: string; base: string; gently: boolean }
+  | ({ kind: "upload"; fileName: string; bytes: ArrayBuffer } & ImportOptions)
+  // Load this model. `onlyIfIdle` drops it if an attempt is running when the download completes. `base`: page
+  // URL.
+  | { kind: "loadModel"; id: string; base: string; onlyIfIdle: boolean }
   | { kind: "place"; pose: PlanarPose }
-  // The pose that an attempt with this seed draws.
-  | { kind: "randomPose"; seed: number }
+  // Place the object at the pose that an attempt with this seed samples.
+  | { kind: "placeBySeed"; seed: number }
   | { kind: "grasp"; seed: number }
   | { kind: "pause" }
   | { kind: "resume" }
   | { kind: "step" }
   | { kind: "reset" }
   | { kind: "speed"; factor: number }
-  // Show how it was after this tick; resuming plays on from there.
+  // Show the state after this tick; `resume` plays from there.
   | { kind: "seek"; tick: number }
-  // Whether the moment is wanted with every frame; then those so far come, too.
-  | { kind: "watch"; on: boolean }
-  // So many attempts of seeds from this one on, as fast as they go; the run is said with all that comes of it.
-  | { kind: "batch"; seed: number; attempts: number; run: number }
-  // Pull at a point of the object (its frame) towards a point; null lets go.
-  | { kind: "pull"; pull: Pull | null }
-  | { kind: "cancel" }
-  // Write the attempt as a file.
-  | { kind: "export" }
-  // Search grasps of what stands there. It takes its time, and nothing else is heard meanwhile: a worker of its own is
-  // to be asked, and ended if nobody waits any more.
-  | { kind: "search"; seed: number }
-  // An attempt with grasps that a search found, of the object with this hash.
-  | { kind: "follow"; seed: number; grasps: string; object: string }
-  // Panic, as a mistake in the program would: what the page makes of that can be tried.
+  // Add telemetry to each frame. Turning it on also posts the samples of the attempt so far.
+  | { kind: "streamTelemetry"; on: boolean }
+  // Run `attempts` attempts of consecutive seeds at full speed. `batchId` is part of the resulting events.
+  | { kind: "batch"; seed: number; attempts: number; batchId: number }
+  // Pull the object; null releases it.
+  | { kind: "drag"; drag: Drag | null }
+  | { kind: "cancelBatch" }
+  | { kind: "exportRecording" }
+  // Search for grasps of the current object. This blocks the worker, so each search uses a separate worker,
+  // which is terminated to cancel the search.
+  | { kind: "searchGrasps"; seed: number }
+  // Start an attempt with the grasps of a search, for the object with this hash.
+  | { kind: "playGrasps"; seed: number; grasps: string; objectHash: string }
+  // Panic, to test the page's error handling.
   | { kind: "panic" };
 
-// A surface: three numbers per vertex, three indices per triangle.
+// Triangle mesh: three coordinates per vertex, three indices per triangle.
 export interface Shape {
   positions: Float32Array;
   indices: Uint32Array;
 }
 
-// A part of the robot: it moves with the body of this index.
+// Rendered part of the robot, fixed to the body with this index.
 export interface Link {
   body: number;
   color: string;
@@ -99,23 +100,23 @@ export interface DepthCamera {
   aspect: number;
 }
 
-// What was found out about an object.
-export interface Report {
+// Properties of an object and findings of its import.
+export interface ObjectInfo {
   extentCm: [number, number, number];
   massKg: number;
   triangles: number;
   watertight: boolean;
-  // Convex parts that collide.
-  parts: number;
-  // Only for uploads: the unit that was taken and why, and what else is worth knowing.
+  // Number of convex parts of the collision shape.
+  convexParts: number;
+  // The next five are set only for uploads.
   unit: Unit | null;
-  reason: string | null;
-  // Sides that hold it, and how it stands; only for uploads.
-  sides: number;
-  stands: Stands | null;
-  because: Because | null;
-  // Whether the hand gets round it, and hold of it.
-  fits: string;
+  unitReason: string | null;
+  // Number of stable poses.
+  stablePoses: number;
+  orientation: Orientation | null;
+  orientationReason: OrientationReason | null;
+  // Whether the hand can grasp it, by width and height.
+  graspability: string;
   notes: string[];
 }
 
@@ -127,13 +128,13 @@ export interface Ready {
   camera: DepthCamera;
   objects: { name: string; label: string; shape: Shape }[];
   joints: Joint[];
-  // Hash of scene file and robot: what it is the same for, ends the same.
-  scene: string;
-  // The longest mesh file that is read.
-  mostBytes: number;
+  // Hash of scene file and robot. Equal hashes and seeds give equal final states.
+  sceneHash: string;
+  // Maximum size of a mesh file (bytes).
+  maxMeshBytes: number;
 }
 
-// A joint, the body that it moves, and its limits.
+// Joint, the body that it moves, and its limits.
 export interface Joint {
   name: string;
   body: number;
@@ -143,63 +144,63 @@ export interface Joint {
 
 export interface ObjectLoaded {
   kind: "object";
-  // The name of a built-in object, or null for an upload.
+  // Catalogue name of a built-in object, or null for an upload.
   name: string | null;
-  // Of shape, mass and friction.
+  // Hash of shape, mass and friction.
   hash: string;
   label: string;
   shape: Shape;
   hulls: Shape[];
-  report: Report;
-  // Attempts so far with this object.
+  info: ObjectInfo;
+  // Attempts of the current policy with this object.
   tally: Tally;
 }
 
-// What is played in place of an attempt of whoever acts, in words.
-export interface Played {
-  what: string;
-  // Said while the hand closes.
-  closes: string;
-  // The state that it is to end in, if that was recorded.
-  end: string | null;
+// Replayed file or grasp search, run instead of the policy.
+export interface PlaybackInfo {
+  description: string;
+  // Headline of the phase in which the hand closes.
+  closingLabel: string;
+  // Recorded hash of the final state, if there is one.
+  finalStateHash: string | null;
 }
 
 export interface Frame {
   kind: "frame";
-  // Seven numbers a body: position, quaternion; the robot's bodies, then the object.
+  // Seven numbers per body: position, quaternion; the robot's bodies, then the object.
   poses: Float32Array;
   pose: PlanarPose;
-  // The seed that the pose was drawn from; null if the object was placed by hand.
-  drawn: number | null;
-  played: Played | null;
+  // Seed from which the pose was sampled; null for a custom pose.
+  poseSeed: number | null;
+  playback: PlaybackInfo | null;
   phase: Phase;
-  // Which tick is shown, how many there are, and the phases so far, each with its first one.
+  // Displayed tick, last tick, and the first tick of each phase so far.
   tick: number;
   ticks: number;
-  marks: [Phase, number][];
-  // Commanded positions of all joints.
+  phaseStarts: [Phase, number][];
+  // Commanded joint positions.
   joints: Float32Array;
-  // Where they would have the robot's bodies: seven numbers each.
-  target: Float32Array;
-  // What presses on the object, six numbers each: where (m), and with what force (N).
+  // Poses of the robot's bodies at the commanded joint positions, seven numbers per body.
+  commandedPoses: Float32Array;
+  // Contact forces on the object, six numbers per contact: point (m), force (N).
   contacts: Float32Array;
-  // If it is watched.
-  moment: Moment | null;
-  // Since the attempt began.
+  // Set while telemetry is streamed.
+  telemetry: TelemetrySample | null;
+  // Since the start of the attempt.
   time: number;
   running: boolean;
-  // Simulated seconds per second as asked for, and as measured while running.
-  factor: number;
-  measured: number | null;
+  // Requested real-time factor, and the measured one while running.
+  speed: number;
+  realtimeFactor: number | null;
 }
 
 export interface Cloud {
   kind: "cloud";
   points: Float32Array;
-  // What the encoder makes of it; nothing where no encoder was asked.
+  // Reconstruction of the cloud by the decoder; empty without an encoder.
   reconstruction: Float32Array;
-  // How far that is from the cloud, and what that means.
-  likeness: string | null;
+  // Reconstruction error and its interpretation.
+  familiarity: string | null;
 }
 
 export interface Progress {
@@ -212,93 +213,92 @@ export interface Progress {
   finished: boolean;
 }
 
-// The learned policy: which one acts, or who does instead. Attempts can begin once this is known.
+// The loaded policy, or null for the planner. Attempts can start after this event.
 export interface Model {
   kind: "model";
   id: string | null;
-  // Of its files.
+  // Hash of the model files.
   hash: string | null;
-  words: string;
-  // Attempts so far by it with the object that stands there.
+  text: string;
+  // Attempts of this policy with the current object.
   tally: Tally;
 }
 
-export interface Verdict {
-  kind: "verdict";
+export interface Outcome {
+  kind: "outcome";
   lifted: boolean;
-  words: string;
+  text: string;
   seed: number;
   pose: PlanarPose;
-  // Whether the object was placed by hand, not where the seed puts it.
-  placed: boolean;
-  // What was played, if something was: it does not count.
-  played: Played | null;
-  // Whether somebody pulled at the object: then it does not count either.
-  pulled: boolean;
-  // Of the final state, the same on every machine.
-  hash: string;
+  // Whether the pose differs from the pose that the seed samples.
+  placedByHand: boolean;
+  // Set for playback, which is not counted.
+  playback: PlaybackInfo | null;
+  // Whether the user pulled the object. Disturbed attempts are not counted.
+  disturbed: boolean;
+  // The same on every machine.
+  finalStateHash: string;
   tally: Tally;
 }
 
-// Attempts so far with this object, and the Wilson 95 % interval of their success.
+// Attempts with an object, and the 95 % Wilson interval of the success rate.
 export interface Tally {
   lifted: number;
   attempts: number;
   interval: [number, number];
 }
 
-// One moment of an attempt.
-export interface Moment {
-  // Half the square of the joint velocities (rad²/s²).
+// Telemetry of one tick.
+export interface TelemetrySample {
+  // Half the squared norm of the joint velocities (rad²/s²).
   energy: number;
-  // Distance of the joint nearest to a limit from it (rad).
-  margin: number;
-  // Greatest damping (1/s), where a fabric acts.
+  // Distance of the joint that is nearest to a limit (rad).
+  limit_margin: number;
+  // Maximum damping (1/s); null without a fabric.
   damping: number | null;
-  // Norms of what its acceleration is the sum of (rad/s²), where a fabric acts.
+  // Norms of the fabric's acceleration terms (rad/s²); null without a fabric.
   terms: { geometry: number; energization: number; potential: number; damping: number } | null;
 }
 
-// The moments of the attempt so far, tick by tick.
-export interface Course {
-  kind: "course";
-  moments: Moment[];
+// Samples of the attempt so far, one per tick.
+export interface Telemetry {
+  kind: "telemetry";
+  samples: TelemetrySample[];
 }
 
-// How one attempt of a batch ended.
-export interface Attempted {
-  kind: "attempted";
-  // Of the batch.
-  run: number;
+// Result of one attempt of a batch.
+export interface AttemptFinished {
+  kind: "attemptFinished";
+  batchId: number;
   seed: number;
   pose: PlanarPose;
   lifted: boolean;
-  words: string;
+  text: string;
   time: number;
-  hash: string;
-  // Of the batch so far.
-  row: Tally;
-  // Of all attempts with the object.
+  finalStateHash: string;
+  // Attempts of the batch so far.
+  batchTally: Tally;
+  // All attempts of the current policy with the object.
   tally: Tally;
 }
 
-// What a search found.
-export interface Found {
-  kind: "found";
-  words: string;
-  // Hash of the object that they are of.
-  object: string;
-  // Reliable grasps, to be followed.
+// Result of a grasp search.
+export interface GraspsFound {
+  kind: "graspsFound";
+  text: string;
+  // Hash of the object that the grasps belong to.
+  objectHash: string;
+  // The stable grasps, for `playGrasps`.
   grasps: string;
   count: number;
 }
 
-export interface BatchOver {
-  kind: "batchOver";
-  run: number;
+export interface BatchFinished {
+  kind: "batchFinished";
+  batchId: number;
 }
 
-// A file to be saved.
+// File to download.
 export interface SavedFile {
   kind: "file";
   name: string;
@@ -308,21 +308,21 @@ export interface SavedFile {
 export interface Failure {
   kind: "failure";
   code: string;
-  cause: string;
-  cure: string;
+  message: string;
+  hint: string;
 }
 
-export type FromWorker =
+export type WorkerEvent =
   | Ready
   | ObjectLoaded
   | Frame
-  | Course
+  | Telemetry
   | Cloud
   | Progress
   | Model
-  | Verdict
-  | Attempted
-  | BatchOver
-  | Found
+  | Outcome
+  | AttemptFinished
+  | BatchFinished
+  | GraspsFound
   | SavedFile
   | Failure;

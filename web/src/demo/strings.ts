@@ -1,116 +1,114 @@
-// What the demo says. Static text stands in index.html; what happens in the simulation is told by the worker.
+// Texts of the demo page. Static text is in index.html; the worker generates the texts about objects and
+// attempts.
 
 import type { Tally } from "./protocol";
 
 export const ATTEMPT = {
   phases: {
     idle: "Drag the object, or press Grasp.",
-    approach: "Moving to the start over the object",
+    approach: "Moving to the pre-grasp pose",
     lift: "Lifting",
     hold: "Holding for two seconds",
   },
   policy: "Policy",
   planner: "Planner",
-  closes: (actor: string) => `The ${actor} closes the hand`,
+  grasping: (actor: "policy" | "planner") => `${actor === "policy" ? "Policy" : "Planner"}: grasping`,
   stopped: "Stopped",
-  restarting: "Starting again…",
-  unsupported: "This browser cannot run it",
+  restarting: "Restarting…",
+  unsupported: "This browser is not supported",
   seed: (seed: number) => `Seed ${seed}`,
-  byHand: (x: string, y: string, yaw: string) => `, placed by hand at ${x}, ${y} m, ${yaw} rad,`,
-  noPolicy: (what: string) => `${what}. No policy acts.`,
-  ended: (what: string, hash: string) => `${what} ended in state ${hash}`,
-  pulled: "Somebody pulled at the object: this one does not count.",
-  asInLink: (note: string | null) => `${note}, as in the link`,
-  asRecorded: (note: string | null) => `${note}, as recorded`,
-  notAsRecorded: (note: string | null) => `${note}, and not in the one that was recorded: something differs here`,
+  customPose: ", custom pose",
+  noPolicy: (playback: string) => `${playback} (no policy)`,
+  finalState: (attempt: string, hash: string) => `${attempt}. Final state: ${hash}`,
+  disturbed: "You moved the object during this attempt, so it is not counted.",
+  matchesLink: (note: string | null) => `${note} (matches the link)`,
+  matchesRecording: (note: string | null) => `${note} (matches the recording)`,
+  differsFromRecording: (note: string | null) => `${note} (differs from the recording)`,
 } as const;
 
-// How attempts came out so far.
 export const TALLY = {
-  none: "None yet with this object",
-  hint: "A seed fixes the pose, the camera’s noise and the target.",
+  none: "No attempts with this object yet",
+  hint: "The seed determines the object pose, camera noise and pre-grasp target.",
   lifted: ({ lifted, attempts }: Tally) => `${lifted} of ${attempts} lifted`,
-  interval: (least: string, most: string) =>
-    `With this object: between ${least} and ${most} of attempts, by the 95 % interval. A repeat counts once.`,
+  interval: (min: string, max: string) => `95 % confidence interval: ${min} to ${max}. Repeated seeds count once.`,
 } as const;
 
 export const BATCH = {
   run: "Run",
   stop: "Stop",
-  ended: (seed: number, words: string) => `Seed ${seed}: ${words}`,
-  watch: "Watch",
-  watchSeed: (seed: number) => `Watch seed ${seed}`,
-  of: (name: string, counted: string) => `${name}: ${counted}`,
-  between: (counted: string, least: string, most: string) => `${counted} (${least} to ${most})`,
-  alone: (first: string, a: number, second: string, b: number, both: number) =>
-    `Of the ${both} that both tried, ${first} alone lifted ${a}, ${second} alone ${b}.`,
+  outcome: (seed: number, text: string) => `Seed ${seed}: ${text}`,
+  replay: "Replay",
+  replaySeed: (seed: number) => `Replay seed ${seed}`,
+  ofPolicy: (name: string, text: string) => `${name}: ${text}`,
+  interval: (lifted: string, min: string, max: string) => `${lifted} (${min} to ${max})`,
+  paired: (first: string, a: number, second: string, b: number, both: number) =>
+    `Paired (${both} seeds): ${a} lifted only by ${first}, ${b} only by ${second}.`,
 } as const;
 
 export const PLAYBACK = {
   pause: "Pause",
-  goOn: "Go on",
+  resume: "Resume",
   paused: "Paused",
-  rate: (measured: string) => `${measured}× real time`,
-  moment: (time: string, whole: string) => `${time} of ${whole} seconds`,
+  rate: (factor: string) => `${factor}× real time`,
+  time: (time: string, total: string) => `${time} of ${total} seconds`,
 } as const;
 
-// What is known of the object.
-export const REPORT = {
+export const OBJECT_INFO = {
   mesh: (triangles: string, watertight: boolean, parts: number) =>
     `${triangles} triangles, ${watertight ? "watertight" : "open"}, ${parts} convex ${parts === 1 ? "part" : "parts"}`,
-  asInFile: "as in the file",
-  steadiest: "on its steadiest side",
-  onSide: (number: number) => `on side ${number}`,
+  asInFile: "As in file",
+  mostStable: "Most stable",
+  face: (number: number) => `Face ${number}`,
 } as const;
 
 export const COMPARISON = {
   planner: "planner",
   loading: (policy: string) => `${policy}: loading`,
-  again: (policy: string) => `${policy} again`,
-  givenUp: "The comparison is closed; the attempt goes on. Choose the policy again to compare.",
+  second: (policy: string) => `${policy} (2)`,
+  closed: "The comparison was closed; the attempt of the first policy continues. To compare again, reselect the second policy.",
 } as const;
 
 export const TRAINING = {
-  acts: (step: string) => `Step ${step} acts, the newest so far.`,
-  newest: (step: string) => `Step ${step} is the newest so far.`,
-  over: "The training is over.",
-  lost: "The server does not answer: what is learned meanwhile comes when it is back.",
+  using: (step: string) => `Using the latest checkpoint, step ${step}.`,
+  newest: (step: string) => `Latest checkpoint: step ${step}.`,
+  finished: "Training finished.",
+  lost: "Server not reachable. New checkpoints will load when it is back.",
 } as const;
 
 export const SEARCH = {
-  hint: "Every mesh gets an answer: grasps are tried in physics, without any learning, and the best one is played.",
-  begin: "Search a grasp",
-  trying: "Trying grasps…",
+  hint: "Sampling-based search in simulation. Works with any mesh and needs no policy.",
+  start: "Search for a grasp",
+  testing: "Testing grasps…",
   stop: "Stop",
   stopped: "Stopped.",
-  again: "Play again",
-  givenUp: "The search has ended; the attempt goes on. Search again, or take a simpler mesh.",
+  replay: "Replay",
+  aborted: "The search was aborted; the attempt continues. Search again, or use a simpler mesh.",
 } as const;
 
 export const SHARE = {
-  hint: "The link brings others to this attempt; it ends the same there.",
-  noPolicy: "No link to this one: a link can only repeat what a policy does.",
-  pulled: "No link to this one: a link cannot repeat how somebody pulled.",
+  hint: "Opens this exact attempt on another computer, with the same result.",
+  noPolicy: "No link available: only attempts of a policy can be reproduced.",
+  disturbed: "No link available: your interaction with the object cannot be reproduced.",
   copied: "Copied.",
-  copiedWithoutFile: "Copied. Others need the file of the object, too.",
-  sending: (file: string) => `Sending ${file}…`,
-  stopSending: "Stop sending",
-  notSent: "It was not sent.",
-  kept: "The server has the file: links to attempts with it suffice.",
-  notKept: (why: string) => `This server does not keep the file: ${why}.`,
-  tooLarge: (file: string, most: number) => `${file} is larger than ${most} MB`,
-  noServer: "no server answers",
-  film: "Film",
+  copiedWithoutFile: "Copied. Recipients also need the mesh file.",
+  uploading: (file: string) => `Uploading ${file}…`,
+  cancelUpload: "Cancel upload",
+  uploadCancelled: "Upload cancelled.",
+  stored: "Mesh stored on the server; the link now includes it.",
+  notStored: (why: string) => `The mesh was not stored on the server: ${why}.`,
+  tooLarge: (file: string, max: number) => `${file} is larger than ${max} MB`,
+  noServer: "no server reachable",
+  video: "Video",
   stop: "Stop",
 } as const;
 
-export const INSIDE = {
+export const DIAGNOSTICS = {
   groups: { arm: "Arm", index: "Index", middle: "Middle", ring: "Ring", thumb: "Thumb" },
-  stands: (now: string, lower: string, upper: string) => `${now} rad, from ${lower} to ${upper}`,
+  position: (q: string, lower: string, upper: string) => `${q} rad (limits ${lower} to ${upper})`,
   plots: {
     energy: { name: "Energy ½ q̇ᵀq̇", unit: "rad²/s²" },
     terms: {
-      name: "What accelerates the joints",
+      name: "Acceleration terms",
       unit: "rad/s²",
       potential: "Potential",
       damping: "Damping",
@@ -118,110 +116,113 @@ export const INSIDE = {
       energization: "Energization",
     },
     damping: { name: "Damping λmax(B) + β", unit: "1/s" },
-    margin: { name: "Nearest limit", unit: "rad" },
+    margin: { name: "Distance to the nearest joint limit", unit: "rad" },
   },
 } as const;
 
-// What this browser can do, and what helps where it cannot.
-const UPDATE = "Use Chrome 111, Firefox 121, Safari 16.4 or newer.";
+const UPDATE = "Use Chrome 111+, Firefox 121+ or Safari 16.4+.";
 export const CHECK = {
   title: "Self-check",
-  allWork: "This browser can do all of it",
-  missing: (bad: number, all: number) => `${bad} of ${all} are missing`,
-  works: "works",
+  supported: "Fully supported",
+  missing: (missing: number, total: number) => `${missing} of ${total} features missing`,
+  available: "Available",
   cores: (count: number) => `${count} cores`,
   gigabytes: (count: number) => `${count} GB or more`,
   close: "Close",
-  webAssembly: { name: "WebAssembly", cure: UPDATE },
-  simd: { name: "SIMD", cure: UPDATE },
-  workers: { name: "Workers", cure: UPDATE },
-  webgl: { name: "WebGL 2", cure: "Turn on hardware acceleration. Without it the picture is a flat sketch; everything else is as it should be." },
-  storage: { name: "Storage", cure: "Meshes are forgotten when the page is left. Leave private browsing to keep them." },
-  isolation: { name: "Isolation", told: "precise clocks", cure: "The host must send COOP and COEP, as `ngf serve` does. It works without, too." },
-  memory: { name: "Memory", cure: "Close other pages." },
-  film: { name: "Film", cure: "Record the screen instead." },
+  webAssembly: { name: "WebAssembly", hint: UPDATE },
+  simd: { name: "SIMD", hint: UPDATE },
+  workers: { name: "Workers", hint: UPDATE },
+  webgl: { name: "WebGL 2", hint: "Enable hardware acceleration. Without WebGL, the page uses a 2D canvas; everything else works." },
+  storage: { name: "Storage", hint: "Meshes are lost when the page is closed. Exit private browsing to keep them." },
+  isolation: {
+    name: "Isolation",
+    detail: "High-resolution timers",
+    hint: "The host must send COOP and COEP headers, as `ngf serve` does. The page also works without them.",
+  },
+  memory: { name: "Memory", hint: "Close other tabs." },
+  video: { name: "Video", hint: "Use a screen recorder instead." },
 } as const;
 
-// What is wrong with a link, and with what it brings about.
-const SEE_THERE = "Open it where it was made to see it as it was.";
+const OPEN_ORIGINAL = "Open it on the site where it was created to reproduce the attempt.";
 export const LINK = {
-  unknownVersion: (version: string) => `it is of version ${version}, which this page does not know`,
-  partMissing: (part: string) => `its part "${part}" is missing`,
-  partUnknown: (part: string, value: string) => `its part "${part}" says "${value}", which means nothing`,
-  partNotNumbers: (part: string, count: number) => `its part "${part}" is not ${count} numbers`,
-  damaged: (why: string) => ({ cause: `This link is damaged: ${why}.`, cure: "Ask for it again; perhaps a part of it was cut off." }),
-  otherScene: { cause: "This link was made with another version of the scene: the attempt may end otherwise.", cure: SEE_THERE },
-  otherModel: (policy: string) => ({ cause: `The policy "${policy}" is not the one of the link: the attempt may end otherwise.`, cure: SEE_THERE }),
+  unknownVersion: (version: string) => `version ${version} is not supported by this page`,
+  fieldMissing: (field: string) => `field "${field}" is missing`,
+  fieldInvalid: (field: string, value: string) => `field "${field}" has the invalid value "${value}"`,
+  fieldNotNumbers: (field: string, count: number) => `field "${field}" must have ${count} numbers`,
+  invalid: (why: string) => ({ message: `Invalid link: ${why}.`, hint: "It may be truncated; ask the sender for it again." }),
+  sceneMismatch: { message: "This link was made with a different version of the scene; the result may differ.", hint: OPEN_ORIGINAL },
+  modelMismatch: (policy: string) => ({
+    message: `This link was made with a different version of policy "${policy}"; the result may differ.`,
+    hint: OPEN_ORIGINAL,
+  }),
   needsFile: (object: string) => ({
-    cause: `This link is about "${object}", a file that it does not contain.`,
-    cure: "Get the file from whoever sent the link, and drop it here.",
+    message: `This link refers to the mesh file "${object}", which it does not contain.`,
+    hint: "Ask the sender for the file and drop it here.",
   }),
-  otherObject: (object: string) => ({
-    cause: `${object} is not the object of the link: its shape, mass or friction is another.`,
-    cure: "Look for the very file that the link was made with.",
+  objectMismatch: (object: string) => ({
+    message: `${object} does not match the object of the link: shape, mass or friction differs.`,
+    hint: "Use the file that the link was created with.",
   }),
-  otherEnd: {
-    cause: "The attempt ended in another state than in the link.",
-    cure: "Policy, object and scene must be those of the link; compare the notes above.",
+  resultMismatch: {
+    message: "The final state differs from the one in the link.",
+    hint: "Policy, object and scene must match those of the link; see the messages above.",
   },
 } as const;
 
-// What is wrong with a file or an archive of them.
 export const FILES = {
   cannotOpen: (archive: string, why: string) => `${archive} cannot be opened: ${why}`,
-  noMesh: (archive: string) => `${archive} holds no OBJ, STL, PLY, OFF, GLB or glTF file`,
-  noEnd: "it has no end: perhaps it was not copied as a whole",
-  damagedList: "its list of files is damaged",
-  cutOff: "a part of it is missing: perhaps it was not copied as a whole",
-  unknownPacking: (file: string) => `${file} is packed in a way that browsers do not know`,
-  tooLong: (file: string) => `${file} is larger than 250 MB`,
-  tooMuch: "its files have more than 500 MB together",
-  unusable: (cause: string) => ({ cause: `${cause}.`, cure: "Take the mesh out of it, and drop that." }),
-  cut: (most: number) => ({ cause: `More than ${most} files can be read there: the first ${most} were taken.`, cure: "Bring the others in parts." }),
+  noMesh: (archive: string) => `${archive} contains no OBJ, STL, PLY, OFF, GLB or glTF file`,
+  noEndRecord: "it has no end record and may be truncated",
+  corruptDirectory: "its central directory is corrupt",
+  truncated: "data is missing; it may be truncated",
+  unknownCompression: (file: string) => `${file} uses an unsupported compression method`,
+  entryTooLarge: (file: string) => `${file} is larger than 250 MB`,
+  totalTooLarge: "its files exceed 500 MB in total",
+  unreadableArchive: (message: string) => ({ message: `${message}.`, hint: "Extract the mesh and drop that file." }),
+  skipped: (max: number) => ({ message: `More than ${max} files: only the first ${max} were added.`, hint: "Add the remaining files in batches." }),
   unreadable: (file: string, why: string) => ({
-    cause: `${file} could not be read: ${why}`,
-    cure: "Check that it still exists and may be read, and choose it again.",
+    message: `${file} could not be read: ${why}`,
+    hint: "Check that the file exists and is readable, then select it again.",
   }),
-  notKept: (file: string) => ({
-    cause: `This browser has no room to keep ${file}, or may not keep anything: it is in the list until the page is left.`,
-    cure: "Remove meshes that you no longer need, or bring it again on the next visit.",
+  notStored: (file: string) => ({
+    message: `${file} could not be stored in this browser; it stays in the list until the page is closed.`,
+    hint: "Remove meshes that you no longer need, or add the file again on your next visit.",
   }),
-  tooLarge: (file: string, megabytes: string, most: number) => ({
-    cause: `${file} has ${megabytes} MB, more than ${most}.`,
-    cure: "Reduce the number of its triangles; the hand does not feel more than a few thousand.",
+  tooLarge: (file: string, megabytes: string, max: number) => ({
+    message: `${file} is ${megabytes} MB; the maximum is ${max} MB.`,
+    hint: "Reduce the number of triangles; a few thousand suffice for grasping.",
   }),
-  notFetched: (why: string) => ({
-    cause: `What this address asks for could not be fetched: ${why}`,
-    cure: "Follow the link again; it may have been deleted meanwhile.",
+  notLoaded: (why: string) => ({
+    message: `The file in this URL could not be loaded: ${why}`,
+    hint: "The file may have been deleted. Check the URL and reload the page.",
   }),
 } as const;
 
-// What else fails.
-export const FAILURES = {
+export const ERRORS = {
   copied: "Copied",
   restart: "Restart",
-  fetchAgain: "Fetch it again",
-  notLoaded: (why: string) => ({ cause: why, cure: "Reload the page. It needs Chrome 111, Firefox 121, Safari 16.4 or newer." }),
-  ofPage: (why: string) => ({ cause: `The page itself failed: ${why}`, cure: "Reload it; meshes that you brought are kept." }),
+  retryDownload: "Retry download",
+  notLoaded: (why: string) => ({ message: why, hint: `Reload the page. ${UPDATE}` }),
+  pageError: (why: string) => ({ message: `Internal page error: ${why}`, hint: "Reload the page; your meshes are stored." }),
   offline: {
-    cause: "There is no network.",
-    cure: "What is here goes on: objects, meshes of yours, the policy that acts. Other policies and links can be asked for when it is back.",
+    message: "No network connection.",
+    hint: "Built-in objects, your meshes and the loaded policy still work. Other policies and links need a connection.",
   },
-  unsupported: { cause: "This browser has no WebAssembly with SIMD, which the simulation is made of.", cure: UPDATE },
+  unsupported: { message: "This browser does not support WebAssembly with SIMD, which the simulation requires.", hint: UPDATE },
   stopped: (why: string | undefined) => ({
-    cause: why ? `The simulation stopped: ${why}` : "The simulation did not start.",
-    cure: "Restart it; the page itself is unharmed.",
+    message: why ? `The simulation stopped: ${why}` : "The simulation did not start.",
+    hint: "Restart it; the page is not affected.",
   }),
   graphicsLost: {
-    cause: "The browser took the graphics away.",
-    cure: "They usually come back by themselves; the simulation goes on. Otherwise reload the page.",
+    message: "The browser lost the graphics context.",
+    hint: "It is usually restored automatically, and the simulation continues. Otherwise reload the page.",
   },
-  graphicsFlat: (why: string) => ({
-    cause: `There is no WebGL here, so the picture is a flat sketch: ${why}`,
-    cure: "Everything else works. For light and shadow turn on hardware acceleration, or try another browser.",
+  webglUnavailable: (why: string) => ({
+    message: `WebGL is not available, so a 2D canvas is used: ${why}`,
+    hint: "Everything else works. For lighting and shadows, enable hardware acceleration or use another browser.",
   }),
-  graphicsMissing: (why: string) => ({
-    cause: `Nothing can be drawn here: ${why}`,
-    cure: "The simulation runs and the verdicts are told all the same. Try another browser.",
+  graphicsUnavailable: (why: string) => ({
+    message: `The scene cannot be rendered: ${why}`,
+    hint: "The simulation still runs and reports outcomes. Try another browser.",
   }),
 } as const;

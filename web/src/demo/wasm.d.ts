@@ -1,8 +1,8 @@
-// The worker's Rust, as `wasm-bindgen` exports it into web/engine/. Declared by hand, so that types
-// can be checked before anything is built.
+// Interface of the wasm module that `wasm-bindgen` writes to web/sim/. Declared by hand, so that types can be
+// checked before the module is built.
 
-declare module "engine/engine.js" {
+declare module "sim/sim.js" {
   export default function init(options: { module_or_path: string }): Promise<unknown>;
-  // Answers messages from now on, and says `ready`.
+  // Starts handling messages and posts `ready`.
   export function start(): void;
 }

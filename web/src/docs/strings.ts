@@ -1,27 +1,27 @@
-// What the documentation says. Static text stands in docs/index.html, what is told of a request comes from the server.
+// Texts of the API page. Static text is in docs/index.html; descriptions of requests come from the server.
 
-export const version = (version: string) => `Version ${version}. For programs: `;
+export const version = (version: string) => `Version ${version}. OpenAPI description: `;
 
-// What a request takes and answers.
+// Reference of a request.
 export const REQUEST = {
-  parameters: ["Parameter", "In", "Type", ""],
-  members: ["Member", "", "Type", ""],
+  parameters: ["Parameter", "In", "Type", "Description"],
+  members: ["Member", "", "Type", "Description"],
   required: "required",
-  from: (least: number) => `from ${least}`,
-  to: (most: number) => `to ${most}`,
-  otherwise: "else",
-  held: "What it holds",
-  answered: ["Member", "Type", ""],
+  min: (value: number) => `≥ ${value}`,
+  max: (value: number) => `≤ ${value}`,
+  otherStatus: "default",
+  schema: "Schema",
+  responseMembers: ["Member", "Type", "Description"],
 } as const;
 
-// Where it is tried.
-export const TRIED = {
-  body: "Body",
-  file: "File that is sent",
-  noJson: (why: string) => `The body is no JSON: ${why}`,
-  tryIt: "Try it",
-  answer: "Answer",
-  answered: (status: number) => `The server answered with ${status}.`,
-  cut: (shown: string, all: string) => `… these were the first ${shown} of ${all} characters`,
-  bytes: (count: string, kind: string) => `${count} bytes of ${kind}`,
+// Console of a request.
+export const CONSOLE = {
+  body: "Request body",
+  file: "File to upload",
+  invalidJson: (reason: string) => `The body is not valid JSON: ${reason}`,
+  send: "Try it",
+  response: "Response",
+  status: (status: number) => `The server returned HTTP ${status}.`,
+  truncated: (shown: string, total: string) => `… first ${shown} of ${total} characters`,
+  bytes: (count: string, type: string) => `${count} bytes of ${type}`,
 } as const;

@@ -1,8 +1,8 @@
-// What somebody should look at in a job: what was told so far, and what comes.
+// Alerts of a job, past and new.
 
-import { ask, type List } from "../common/api";
+import { type List, requestJson } from "../common/api";
 import { h } from "../common/dom";
-import { when } from "../common/numbers";
+import { dateTime } from "../common/numbers";
 import { ALERTS } from "./strings";
 import type { JobEvent } from "./types";
 
@@ -17,10 +17,10 @@ export class Alerts {
     void this.fetch();
   }
 
-  // Those so far, and those that were missed meanwhile; where they cannot be had, the connection is told to be lost.
+  // Fetches past and missed alerts. Errors need no message: the page shows the lost connection.
   async fetch(): Promise<void> {
     for (let after = "", hasMore = true; hasMore; ) {
-      const page = await ask<List<JobEvent>>(`jobs/${this.#job}/events?type=alert${after}`).catch(() => null);
+      const page = await requestJson<List<JobEvent>>(`jobs/${this.#job}/events?type=alert${after}`).catch(() => null);
       for (const event of page?.data ?? []) this.add(event);
       hasMore = page?.has_more ?? false;
       after = `&after=${page?.data.at(-1)?.id}`;
@@ -29,11 +29,11 @@ export class Alerts {
 
   add({ seq, created_at, message }: JobEvent): void {
     if (this.#rows.has(seq)) return;
-    this.#rows.set(seq, h("li", {}, h("time", { datetime: created_at }, when(created_at)), message));
+    this.#rows.set(seq, h("li", {}, h("time", { datetime: created_at }, dateTime(created_at)), message));
     const inOrder = [...this.#rows].sort(([a], [b]) => a - b);
     this.#list.replaceChildren(...inOrder.map(([, row]) => row));
     this.element.hidden = false;
-    // What scrolls is reached by keyboard, too.
+    // A scrollable element must be focusable by keyboard.
     this.element.tabIndex = 0;
   }
 }

@@ -1,81 +1,81 @@
-// All that one job or several measured, a chart for each quantity, with what they have in common set once.
+// Metric charts of one or several jobs, with shared display settings.
 
 import { h } from "../common/dom";
-import { refusal } from "../common/parts";
-import { Chart, type Look } from "./chart";
-import { Course } from "./course";
-import type { Feed } from "./feed";
+import { caughtErrorCard } from "../common/components";
+import { Chart, type ChartSettings } from "./chart";
+import type { JobFeed } from "./job_feed";
+import { MetricSeries } from "./metric_series";
 import { CHARTS } from "./strings";
 import { type Job, title } from "./types";
 
-// Quantities that come first.
+// Name prefixes of the metrics that are shown first.
 const FIRST = ["loss", "validation"];
-// Drawn again at most so often (ms).
-const CALM = 500;
+// Minimum time between redraws.
+const REDRAW_INTERVAL_MS = 500;
 
 export class Charts {
   readonly element = h("section", { class: "charts", hidden: true });
   readonly #grid = h("div", { class: "grid" });
-  // Why what was measured before could not be had.
-  readonly #notice = h("div");
+  // Error of the last request.
+  readonly #error = h("div");
   readonly #charts = new Map<string, Chart>();
-  readonly #courses: { course: Course; label: string }[];
-  readonly #look: Look = remembered();
+  readonly #series: { series: MetricSeries; label: string }[];
+  readonly #settings: ChartSettings = storedSettings();
   #timer = 0;
-  // Times that it was asked for: only the last one says how it went.
-  #asked = 0;
+  // Only the latest request reports its error.
+  #numRequests = 0;
   #isClosed = false;
-  readonly #stop: () => void;
+  readonly #unsubscribe: () => void;
 
-  constructor(feed: Feed, jobs: Job[]) {
-    this.element.append(h("h2", {}, CHARTS.title), this.#controls(), this.#notice, this.#grid);
-    const began = ({ started_at, created_at }: Job) => Date.parse(started_at ?? created_at);
-    this.#courses = jobs.map((job) => ({
-      course: new Course(job.id, () => began(feed.jobs.get(job.id) ?? job)),
+  constructor(feed: JobFeed, jobs: Job[]) {
+    this.element.append(h("h2", {}, CHARTS.title), this.#controls(), this.#error, this.#grid);
+    const startTime = ({ started_at, created_at }: Job) => Date.parse(started_at ?? created_at);
+    this.#series = jobs.map((job) => ({
+      series: new MetricSeries(job.id, () => startTime(feed.jobs.get(job.id) ?? job)),
       label: jobs.length === 1 ? CHARTS.value : title(job),
     }));
     void this.#fetch();
-    this.#stop = feed.listen({
+    this.#unsubscribe = feed.listen({
       event: (event) => {
-        const known = this.#courses.find(({ course }) => course.id === event.job);
-        if (event.type === "metric" && known?.course.add(event)) this.#later();
+        const known = this.#series.find(({ series }) => series.id === event.job);
+        if (event.type === "metric" && known?.series.add(event)) this.#scheduleDraw();
       },
-      // What was missed meanwhile is fetched.
+      // Fetch metrics that were missed while the connection was lost.
       connection: (state) => state === "live" && void this.#fetch(),
     });
   }
 
-  // Draws what could be had, and says why the rest could not.
+  // Draws the metrics that could be fetched and shows the first error.
   async #fetch(): Promise<void> {
-    const asked = ++this.#asked;
-    const fetched = await Promise.allSettled(this.#courses.map(({ course }) => course.fetch()));
-    if (asked !== this.#asked) return;
-    const refused = fetched.find(({ status }) => status === "rejected") as PromiseRejectedResult | undefined;
-    this.#notice.replaceChildren(...(refused ? [refusal(refused.reason)] : []));
+    const request = ++this.#numRequests;
+    const results = await Promise.allSettled(this.#series.map(({ series }) => series.fetch()));
+    if (request !== this.#numRequests) return;
+    const failed = results.find(({ status }) => status === "rejected") as PromiseRejectedResult | undefined;
+    this.#error.replaceChildren(...(failed ? [caughtErrorCard(failed.reason)] : []));
     this.#draw();
   }
 
   close(): void {
     this.#isClosed = true;
-    this.#stop();
+    this.#unsubscribe();
     clearTimeout(this.#timer);
     for (const chart of this.#charts.values()) chart.close();
   }
 
-  #later(): void {
+  #scheduleDraw(): void {
     this.#timer ||= window.setTimeout(() => {
       this.#timer = 0;
       this.#draw();
-    }, CALM);
+    }, REDRAW_INTERVAL_MS);
   }
 
   #draw(): void {
-    // What was fetched may come when nobody looks any more.
+    // A response may arrive after the view was closed.
     if (this.#isClosed) return;
-    const names = [...new Set(this.#courses.flatMap(({ course }) => course.names()))];
+    const names = [...new Set(this.#series.flatMap(({ series }) => series.names()))];
     const rank = (name: string) => (FIRST.findIndex((first) => name.startsWith(first)) + FIRST.length + 1) % (FIRST.length + 1);
     names.sort((a, b) => rank(a) - rank(b));
-    this.element.hidden = names.length === 0 && this.#notice.childElementCount === 0;
+    this.element.hidden = names.length === 0 && this.#error.childElementCount === 0;
     for (const name of names) {
       let chart = this.#charts.get(name);
       if (!chart) {
@@ -83,19 +83,19 @@ export class Charts {
         this.#charts.set(name, chart);
         this.#grid.append(chart.element);
       }
-      chart.show(this.#courses, this.#look);
+      chart.show(this.#series, this.#settings);
     }
   }
 
   #controls(): HTMLElement {
-    const look = this.#look;
-    const set = () => {
-      sessionStorage.setItem(KEY, JSON.stringify(look));
+    const settings = this.#settings;
+    const apply = () => {
+      sessionStorage.setItem(SETTINGS_KEY, JSON.stringify(settings));
       this.#draw();
     };
-    const box = (text: string, name: "isLogX" | "isLogY") => {
-      const input = h("input", { type: "checkbox", change: () => ((look[name] = input.checked), set()) });
-      input.checked = look[name];
+    const checkbox = (text: string, name: "isLogX" | "isLogY") => {
+      const input = h("input", { type: "checkbox", change: () => ((settings[name] = input.checked), apply()) });
+      input.checked = settings[name];
       return h("label", {}, input, text);
     };
     const slider = h("input", {
@@ -103,28 +103,29 @@ export class Charts {
       min: 0,
       max: 0.99,
       step: 0.01,
-      input: () => ((look.smoothing = slider.valueAsNumber), set()),
+      input: () => ((settings.smoothing = slider.valueAsNumber), apply()),
     });
-    slider.valueAsNumber = look.smoothing;
-    const by = h(
+    slider.valueAsNumber = settings.smoothing;
+    const axis = h(
       "select",
-      { "aria-label": CHARTS.axis, change: () => ((look.by = by.value as Look["by"]), set()) },
+      { "aria-label": CHARTS.axis, change: () => ((settings.xAxis = axis.value as ChartSettings["xAxis"]), apply()) },
       h("option", { value: "step" }, CHARTS.byStep),
-      h("option", { value: "wall" }, CHARTS.byTime),
+      h("option", { value: "elapsed_s" }, CHARTS.byTime),
     );
-    by.value = look.by;
+    axis.value = settings.xAxis;
     const hint = h("span", { class: "hint" }, CHARTS.hint);
-    return h("div", { class: "controls" }, h("label", {}, CHARTS.smoothing, slider), box(CHARTS.logY, "isLogY"), box(CHARTS.logX, "isLogX"), by, hint);
+    const smoothing = h("label", {}, CHARTS.smoothing, slider);
+    return h("div", { class: "controls" }, smoothing, checkbox(CHARTS.logY, "isLogY"), checkbox(CHARTS.logX, "isLogX"), axis, hint);
   }
 }
 
-const KEY = "ngf-charts";
+const SETTINGS_KEY = "ngf-chart-settings";
 
-function remembered(): Look {
-  const standard: Look = { smoothing: 0.6, isLogY: true, isLogX: false, by: "step" };
+function storedSettings(): ChartSettings {
+  const defaults: ChartSettings = { smoothing: 0.6, isLogY: true, isLogX: false, xAxis: "step" };
   try {
-    return { ...standard, ...(JSON.parse(sessionStorage.getItem(KEY) ?? "{}") as Partial<Look>) };
+    return { ...defaults, ...(JSON.parse(sessionStorage.getItem(SETTINGS_KEY) ?? "{}") as Partial<ChartSettings>) };
   } catch {
-    return standard;
+    return defaults;
   }
 }

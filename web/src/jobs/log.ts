@@ -1,24 +1,22 @@
-// What the process of a job printed: its end, then what comes.
+// Log of a job: its last bytes, then new output.
 
-import { API, Refused, send } from "../common/api";
+import { API, ApiError, request } from "../common/api";
 import { h } from "../common/dom";
-import type { Feed } from "./feed";
+import type { JobFeed } from "./job_feed";
 import { LOG } from "./strings";
 import { ENDED, type Job } from "./types";
 
-// Bytes of the end that are fetched first, and how often more is asked for (ms).
-const END = 64_000;
-const PERIOD = 2000;
-// Lines that are kept in the page.
-const MOST = 5000;
+const INITIAL_BYTES = 64_000;
+const POLL_INTERVAL_MS = 2000;
+const MAX_LINES = 5000;
 
-// Lines that are enough to see why a process ended.
-const LAST = 8;
+// Number of lines shown with the error of a failed job.
+const ERROR_LINES = 8;
 
-// What the process of a job printed last, "" if nothing is known of it.
+// Last lines of a job's log; empty if there are none.
 export async function lastLines(job: string): Promise<string> {
   try {
-    return (await (await send(`jobs/${job}/logs?tail=${LAST}`)).text()).trimEnd();
+    return (await (await request(`jobs/${job}/logs?tail=${ERROR_LINES}`)).text()).trimEnd();
   } catch {
     return "";
   }
@@ -26,22 +24,22 @@ export async function lastLines(job: string): Promise<string> {
 
 export class Log {
   readonly element: HTMLElement;
-  readonly #lines = h("pre", { class: "log", tabindex: 0, role: "log", "aria-label": LOG.title });
+  readonly #output = h("pre", { class: "log", tabindex: 0, role: "log", "aria-label": LOG.title });
   readonly #level: HTMLSelectElement;
   readonly #search: HTMLInputElement;
   readonly #follow: HTMLInputElement;
   readonly #id: string;
-  readonly #feed: Feed;
-  readonly #stop: () => void;
-  #text: string[] = [""];
+  readonly #feed: JobFeed;
+  readonly #unsubscribe: () => void;
+  #lines: string[] = [""];
   #decoder = new TextDecoder();
-  #next = -1;
+  #nextByte = -1;
   #timer = 0;
-  // All was read of a job that is over.
-  #isAtRest = false;
+  // The log of an ended job has been read completely.
+  #isComplete = false;
   #isClosed = false;
 
-  constructor(feed: Feed, job: Job) {
+  constructor(feed: JobFeed, job: Job) {
     this.#feed = feed;
     this.#id = job.id;
     this.#level = h(
@@ -50,7 +48,7 @@ export class Log {
       h("option", { value: "" }, LOG.all),
       h("option", { value: "warning|error|panicked" }, LOG.warnings),
     );
-    this.#search = h("input", { type: "search", placeholder: LOG.search, "aria-label": LOG.searchIt, input: () => this.#draw() });
+    this.#search = h("input", { type: "search", placeholder: LOG.search, "aria-label": LOG.searchLog, input: () => this.#draw() });
     this.#follow = h("input", { type: "checkbox", checked: true, change: () => this.#draw() });
     const url = new URL(`jobs/${job.id}/logs`, API).href;
     this.element = h(
@@ -65,69 +63,69 @@ export class Log {
         h("label", {}, this.#follow, LOG.follow),
         h("a", { href: url, download: `${job.id}.txt` }, LOG.download),
       ),
-      this.#lines,
+      this.#output,
     );
-    // A job that goes on says more.
-    this.#stop = feed.listen({
-      jobs: (changed) => changed.has(job.id) && this.#isAtRest && !this.#isOver() && void this.#fetch(),
+    // A resumed job writes more.
+    this.#unsubscribe = feed.listen({
+      jobs: (changed) => changed.has(job.id) && this.#isComplete && !this.#isEnded() && void this.#fetch(),
     });
     void this.#fetch();
   }
 
   close(): void {
     this.#isClosed = true;
-    this.#stop();
+    this.#unsubscribe();
     clearTimeout(this.#timer);
   }
 
-  // One that is gone is over, too.
-  #isOver(): boolean {
+  // A deleted job counts as ended.
+  #isEnded(): boolean {
     const job = this.#feed.jobs.get(this.#id);
     return !job || ENDED.includes(job.status);
   }
 
   async #fetch(): Promise<void> {
-    this.#isAtRest = false;
-    // Known before: what is printed while the answer comes is not in it.
-    const wasOver = this.#isOver();
+    this.#isComplete = false;
+    // Read before the request: the response lacks output written after it was sent.
+    const wasEnded = this.#isEnded();
     let isAnswered = true;
-    // With the last byte that is known, so that there always is something to answer with.
-    const range = this.#next > 0 ? `bytes=${this.#next - 1}-` : `bytes=-${END}`;
+    // The range starts at the last known byte, so that it is never empty.
+    const range = this.#nextByte > 0 ? `bytes=${this.#nextByte - 1}-` : `bytes=-${INITIAL_BYTES}`;
     try {
-      const answer = await send(`jobs/${this.#id}/logs`, "GET", undefined, { headers: { Range: range } });
-      const bytes = new Uint8Array(await answer.arrayBuffer());
-      const first = Number(/bytes (\d+)-/.exec(answer.headers.get("content-range") ?? "")?.[1] ?? 0);
-      // An answer that is whole replaces what was there.
-      const known = answer.status === 206 && this.#next > 0 ? this.#next - first : 0;
-      if (known === 0) [this.#text, this.#decoder] = [[""], new TextDecoder()];
-      this.#next = first + bytes.byteLength;
-      // The end of it may be a part of a letter.
-      this.#add(this.#decoder.decode(bytes.subarray(known), { stream: true }));
+      const response = await request(`jobs/${this.#id}/logs`, "GET", undefined, { headers: { Range: range } });
+      const bytes = new Uint8Array(await response.arrayBuffer());
+      const first = Number(/bytes (\d+)-/.exec(response.headers.get("content-range") ?? "")?.[1] ?? 0);
+      // A full response replaces the known text.
+      const known = response.status === 206 && this.#nextByte > 0 ? this.#nextByte - first : 0;
+      if (known === 0) [this.#lines, this.#decoder] = [[""], new TextDecoder()];
+      this.#nextByte = first + bytes.byteLength;
+      // The last character may be incomplete.
+      this.#append(this.#decoder.decode(bytes.subarray(known), { stream: true }));
     } catch (error) {
-      // A server that is away is asked again.
-      isAnswered = error instanceof Refused && error.problem.status > 0;
+      // Without a response, poll again.
+      isAnswered = error instanceof ApiError && error.problem.status > 0;
     }
-    this.#isAtRest = wasOver && isAnswered && this.#isOver();
-    if (!this.#isAtRest && !this.#isClosed) this.#timer = window.setTimeout(() => void this.#fetch(), PERIOD);
+    this.#isComplete = wasEnded && isAnswered && this.#isEnded();
+    if (!this.#isComplete && !this.#isClosed) this.#timer = window.setTimeout(() => void this.#fetch(), POLL_INTERVAL_MS);
   }
 
-  #add(text: string): void {
+  #append(text: string): void {
     const [first = "", ...rest] = text.split("\n");
-    this.#text[this.#text.length - 1] += first;
-    this.#text.push(...rest);
-    this.#text.splice(0, Math.max(0, this.#text.length - MOST));
+    this.#lines[this.#lines.length - 1] += first;
+    this.#lines.push(...rest);
+    this.#lines.splice(0, Math.max(0, this.#lines.length - MAX_LINES));
     this.#draw();
   }
 
   #draw(): void {
     const level = new RegExp(this.#level.value, "i");
-    const wanted = this.#search.value.toLowerCase();
-    const shown = this.#text.filter((line) => level.test(line) && line.toLowerCase().includes(wanted));
-    const [before, text] = [this.#lines.textContent ?? "", shown.join("\n").trimEnd() || LOG.none];
-    // What is new is appended: a selection stays, and only that is read out.
-    const isMore = before !== "" && before !== LOG.none && text.startsWith(before);
-    if (isMore && text !== before) this.#lines.append(text.slice(before.length));
-    else if (!isMore) this.#lines.textContent = text;
-    if (this.#follow.checked) this.#lines.scrollTop = this.#lines.scrollHeight;
+    const query = this.#search.value.toLowerCase();
+    const filtered = this.#lines.filter((line) => level.test(line) && line.toLowerCase().includes(query));
+    const [before, text] = [this.#output.textContent ?? "", filtered.join("\n").trimEnd() || LOG.none];
+    // Append new text only: this keeps the selection, and screen readers read only the new lines.
+    const isExtended = before !== "" && before !== LOG.none && text.startsWith(before);
+    if (isExtended && text !== before) this.#output.append(text.slice(before.length));
+    else if (!isExtended) this.#output.textContent = text;
+    if (this.#follow.checked) this.#output.scrollTop = this.#output.scrollHeight;
   }
 }

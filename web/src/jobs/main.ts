@@ -1,28 +1,28 @@
-// The jobs page: a list, what was chosen in it, and an address for everything.
+// Jobs page: job list, main view, and a URL for each view.
 
-import { noServer, Refused } from "../common/api";
+import { ApiError, noServer } from "../common/api";
 import { element, h } from "../common/dom";
-import { refusal } from "../common/parts";
+import { caughtErrorCard } from "../common/components";
 import { Comparison } from "./compare";
-import { Detail } from "./detail";
-import { Feed } from "./feed";
-import { NewJob } from "./form";
-import { dataset, datasets, meshes, model, models } from "./library";
-import { tellRefusals } from "./parts";
-import { Rail } from "./rail";
+import { showActionErrors } from "./components";
+import { JobDetail } from "./job_detail";
+import { JobFeed } from "./job_feed";
+import { JobList } from "./job_list";
+import { NewJobForm } from "./new_job_form";
+import { dataset, datasets, meshes, model, models } from "./resources";
 import { CONNECTION, LIST } from "./strings";
-import type { View } from "./view";
+import type { View } from "./main_view";
 
-const feed = new Feed();
-const detail = element("detail", HTMLElement);
-const rail = new Rail(feed, (ids) => {
+const feed = new JobFeed();
+const main = element("main-view", HTMLElement);
+const list = new JobList(feed, (ids) => {
   if (ids.length > 1) location.hash = `#compare/${ids.join(",")}`;
   else if (location.hash.startsWith("#compare")) location.hash = `#jobs/${ids[0] ?? ""}`;
 });
 let view: View | null = null;
-// Why there is no list at all.
-let absence: Refused | null = null;
-tellRefusals(detail);
+// Error to show instead of the job list if no job server is available.
+let serverError: ApiError | null = null;
+showActionErrors(main);
 
 const connection = element("connection", HTMLElement);
 feed.listen({
@@ -32,16 +32,16 @@ feed.listen({
   },
 });
 
-// What "#jobs/job_1" and the like lead to.
+// View of a route such as "jobs/job_1".
 function viewOf(route: string): View | null {
   const [path = "", query = ""] = route.split("?");
-  const [place, id = ""] = path.split("/");
-  switch (place) {
+  const [section, id = ""] = path.split("/");
+  switch (section) {
     case "new":
-      return new NewJob(feed, new URLSearchParams(query));
+      return new NewJobForm(feed, new URLSearchParams(query));
     case "compare": {
       const ids = id.split(",").slice(0, 6);
-      rail.mark(ids);
+      list.mark(ids);
       return new Comparison(feed, ids);
     }
     case "datasets":
@@ -51,7 +51,7 @@ function viewOf(route: string): View | null {
     case "meshes":
       return meshes();
     default:
-      return id ? new Detail(feed, id) : null;
+      return id ? new JobDetail(feed, id) : null;
   }
 }
 
@@ -59,40 +59,41 @@ function show(): void {
   const route = location.hash.slice(1);
   view?.close?.();
   view = viewOf(route);
-  const otherwise = () => (absence ? refusal(absence) : h("p", { class: "empty hint" }, LIST.choose));
-  detail.replaceChildren(view?.element ?? otherwise());
-  detail.scrollTop = 0;
-  document.body.classList.toggle("has-detail", view !== null || absence !== null);
-  rail.choose(/^jobs\/(job_\w+)/.exec(route)?.[1] ?? null);
+  const placeholder = () => (serverError ? caughtErrorCard(serverError) : h("p", { class: "empty hint" }, LIST.choose));
+  main.replaceChildren(view?.element ?? placeholder());
+  main.scrollTop = 0;
+  document.body.classList.toggle("has-main-view", view !== null || serverError !== null);
+  list.choose(/^jobs\/(job_\w+)/.exec(route)?.[1] ?? null);
   for (const tab of document.querySelectorAll<HTMLAnchorElement>(".tabs a")) {
-    const isHere = (tab.hash === "#jobs" ? /^(|jobs.*|compare.*)$/ : new RegExp(`^${tab.hash.slice(1)}`)).test(route);
-    if (isHere) tab.setAttribute("aria-current", "page");
+    const isCurrent = (tab.hash === "#jobs" ? /^(|jobs.*|compare.*)$/ : new RegExp(`^${tab.hash.slice(1)}`)).test(route);
+    if (isCurrent) tab.setAttribute("aria-current", "page");
     else tab.removeAttribute("aria-current");
   }
 }
 
-// Nobody does jobs here: there are files alone, or the server has no folder for jobs. What to start is the same.
-function absenceOf(error: unknown): Refused | null {
-  if (!(error instanceof Refused)) return null;
+// The error to show if no job server is available: static hosting, or a server without a data directory. Both need the
+// same command.
+function serverErrorOf(error: unknown): ApiError | null {
+  if (!(error instanceof ApiError)) return null;
   const { status, code, detail } = error.problem;
-  if (code === "jobs_disabled") return new Refused(noServer(detail));
+  if (code === "jobs_disabled") return new ApiError(noServer(detail));
   return status === 0 ? error : null;
 }
 
 addEventListener("hashchange", () => {
-  // Whoever follows a row of the list by keyboard goes on with what it leads to, not with the rows after it.
-  const isFollowed = document.activeElement?.matches("#rail a") ?? false;
+  // Keyboard users who open a row continue in the main view, not in the next row.
+  const isFromList = document.activeElement?.matches("#job-list a") ?? false;
   show();
-  // What had the focus may be gone with the view before.
-  if (isFollowed || document.activeElement === document.body) detail.focus({ preventScroll: true });
+  // The previous view may have contained the focus.
+  if (isFromList || document.activeElement === document.body) main.focus({ preventScroll: true });
 });
 
 try {
-  await feed.more();
+  await feed.loadMore();
 } catch (error) {
-  absence = absenceOf(error);
-  if (!absence) rail.refuse(error);
+  serverError = serverErrorOf(error);
+  if (!serverError) list.showError(error);
 }
-element("rail", HTMLElement).hidden = absence !== null;
-if (!absence) feed.start();
+element("job-list", HTMLElement).hidden = serverError !== null;
+if (!serverError) feed.start();
 show();

@@ -1,119 +1,115 @@
-// What the jobs page says. Static text stands in jobs/index.html.
+// Texts of the Jobs page. Static text is in jobs/index.html.
 
 export const KINDS: Record<string, string> = {
-  "dataset.generate": "Make a dataset",
-  "encoder.train": "Train an encoder",
-  "policy.train": "Train a policy",
-  "policy.evaluate": "Evaluate a policy",
-  "mesh.prepare": "Look at a mesh",
+  "dataset.generate": "Generate dataset",
+  "encoder.train": "Train encoder",
+  "policy.train": "Train policy",
+  "policy.evaluate": "Evaluate policy",
+  "mesh.prepare": "Inspect mesh",
 };
 
 export const STATUSES: Record<string, string> = {
-  queued: "waiting",
-  running: "running",
-  paused: "paused",
-  cancelling: "stopping",
-  succeeded: "done",
-  failed: "failed",
-  cancelled: "stopped",
+  queued: "Queued",
+  running: "Running",
+  paused: "Paused",
+  cancelling: "Cancelling",
+  succeeded: "Succeeded",
+  failed: "Failed",
+  cancelled: "Cancelled",
 };
 
-// What a job is at, by the names of its program.
+// Phases by the name that the worker reports.
 export const PHASES: Record<string, string> = {
-  grasps: "Searching grasps",
-  "hundreds of clouds": "Taking clouds, a hundred at a time",
-  "object poses": "Demonstrating, pose by pose",
-  "files of rows": "Writing files",
+  grasps: "Searching for grasps",
+  "point cloud files": "Rendering point clouds (×100)",
+  "object poses": "Planning demonstrations (object poses)",
+  "Parquet files": "Writing Parquet files",
   training: "Training",
-  policy: "Attempts by the policy",
-  planner: "Attempts by the planner",
-  "no policy": "Attempts by a script, without a policy",
-  "shuffled z": "Attempts that are told of another pose",
-  "zero z": "Attempts that are told nothing of the object",
-  "policy, friction 0": "Attempts by the policy without friction",
-  "planner, friction 0": "Attempts by the planner without friction",
+  policy: "Evaluating policy",
+  planner: "Evaluating planner",
+  "no policy": "Control: no policy (scripted closing)",
+  "shuffled z": "Control: shuffled z (of another pose)",
+  "zero z": "Control: zero z",
+  "policy, friction 0": "Control: policy, zero friction",
+  "planner, friction 0": "Control: planner, zero friction",
 };
 
-// Why an attempt failed.
+// Failure reasons of attempts.
 export const FAILURES: Record<string, string> = {
-  unseen: "not seen",
+  not_visible: "not visible",
   unreachable: "out of reach",
-  shifted: "moved untouched",
-  collided: "collided on the way",
+  disturbed: "moved before contact",
+  collided: "collided during approach",
   missed: "missed",
   pushed_away: "pushed away",
   slipped: "slipped",
-  low: "too low",
+  too_low: "too low",
   dropped: "dropped",
-  not_finite: "left the finite numbers",
+  not_finite: "simulation diverged",
 };
 
-// The bar at the top, and the list.
-export const CONNECTION = { connecting: "connecting", live: "live", lost: "connection lost, trying again" } as const;
+export const CONNECTION = { connecting: "Connecting…", live: "Live", lost: "Connection lost. Reconnecting…" } as const;
 
 export const LIST = {
-  choose: "Choose a job, or begin a new one.",
-  none: "No jobs here yet.",
-  more: "Fetching more…",
-  tryAgain: "Try again",
+  choose: "Select a job or start a new one.",
+  none: "No jobs.",
+  loading: "Loading more…",
+  retry: "Retry",
   compare: (title: string) => `Compare ${title}`,
 } as const;
 
-// How far a job is.
 export const PROGRESS = {
   title: "Progress",
-  rate: (rate: string) => `${rate} a second`,
+  rate: (rate: string) => `${rate}/s`,
   left: (duration: string) => `${duration} left`,
-  leftOfPart: (duration: string) => `${duration} left of this part`,
+  leftOfPhase: (duration: string) => `${duration} left in this phase`,
 } as const;
 
-// Names of facts, whatever they are of.
+// Names of facts about jobs, datasets and models.
 export const FACTS = {
-  id: "Id",
+  id: "ID",
   dataset: "Dataset",
   model: "Model",
   demo: "Demo",
   step: "Step",
   seed: "Seed",
   size: "Size",
-  made: "Made",
-  madeBy: "Made by",
+  created: "Created",
+  createdBy: "Created by",
 } as const;
 
-// What leads to the demo.
-export const DEMO = { tryIn: "Try in demo", tryIt: "Try it in the demo", play: "Play" } as const;
+// Links to the demo.
+export const DEMO = { tryIn: "Try in demo", tryIt: "Try this policy", play: "Play" } as const;
 
-// One job.
 export const JOB = {
   pause: "Pause",
   resume: "Resume",
-  goOn: "Go on",
-  tryAgain: "Try again",
-  stop: "Stop",
-  again: "Again with changes",
+  retry: "Retry",
+  cancel: "Cancel",
+  duplicate: "Duplicate",
   rename: "Rename",
-  nameOf: "Name of the job",
+  newName: "Job name",
   delete: "Delete",
-  deleted: "This job will be deleted; what it made stays. ",
+  willBeDeleted: "This job will be deleted. Its dataset and models are kept. ",
   undo: "Undo",
-  kept: "This job is not deleted.",
-  waits: "It waits for its turn.",
-  waitsAgain: "It waits to go on.",
-  stopping: "It is stopping.",
-  begun: (attempts: number) => `, begun ${attempts} times`,
-  made: "What came of it",
-  madeNothing: "Nothing yet.",
-  told: "What it was told",
+  deletionCancelled: "Deletion cancelled.",
+  queued: "Queued.",
+  queuedToResume: "Queued to resume.",
+  cancelling: "Cancelling…",
+  starts: (count: number) => `, started ${count} times`,
+  outputs: "Outputs",
+  noOutputs: "No outputs yet.",
+  parameters: "Parameters",
   worker: "worker",
-  workerOf: (host: string, version: string) => `${host}, ngf ${version}`,
+  workerVersion: (host: string, version: string) => `${host}, ngf ${version}`,
 } as const;
 
 export const EVALUATION = {
   title: "Evaluation",
-  head: ["Object", "By", "", "Lifted", "95 % interval", "Failures", "First seed"],
-  none: "It has not been evaluated yet.",
-  evaluateIt: "Evaluate it",
-  attempt: (seed: number, reason: string) => `seed ${seed}: ${reason}`,
+  head: ["Object", "Policy", "", "Lifted", "95 % interval", "Failures", "First seed"],
+  none: "Not evaluated yet.",
+  evaluate: "Evaluate",
+  attempt: (seed: number, reason: string) => `Seed ${seed}: ${reason}`,
 } as const;
 
 export const CHECKPOINTS = {
@@ -125,53 +121,51 @@ export const CHECKPOINTS = {
 export const LOG = {
   title: "Log",
   lines: "Lines",
-  all: "all lines",
-  warnings: "warnings and errors",
+  all: "All lines",
+  warnings: "Warnings and errors",
   search: "Search",
-  searchIt: "Search the log",
-  follow: "follow",
+  searchLog: "Search log",
+  follow: "Follow",
   download: "Download",
-  none: "Nothing yet.",
-  end: "What its process said last",
+  none: "No output yet.",
+  lastLines: "Last log lines",
 } as const;
 
-export const ALERTS = { title: "What somebody should look at" } as const;
+export const ALERTS = { title: "Alerts" } as const;
 
 export const CHARTS = {
-  title: "Measured",
-  value: "value",
-  raw: (label: string) => `${label}, raw`,
-  step: "step",
-  time: "time",
-  axis: "Horizontal axis",
-  byStep: "by step",
-  byTime: "by time",
+  title: "Metrics",
+  value: "Value",
+  raw: (label: string) => `${label} (raw)`,
+  step: "Step",
+  time: "Time",
+  axis: "X axis",
+  byStep: "By step",
+  byTime: "By time",
   smoothing: "Smoothing",
-  logX: "log x",
-  logY: "log y",
-  hint: "Drag to zoom in, with Shift to move; a double click shows all.",
+  logX: "Log x",
+  logY: "Log y",
+  hint: "Drag to zoom, Shift-drag to pan, double-click to reset.",
 } as const;
 
 export const COMPARISON = {
   title: "Comparison",
   jobs: "Jobs",
-  differences: "In what they differ",
-  none: "They were told the same.",
+  differences: "Parameter differences",
+  identical: "All parameters are identical.",
 } as const;
 
-// A new job. What its parameters mean is told by the server.
+// Form of a new job. The server describes the parameters.
 export const FORM = {
   title: "New job",
-  whatToDo: "What to do",
+  kind: "Job kind",
   name: "Name",
-  forPeople: "for people",
-  changed: (title: string) => `${title}, changed`,
-  begin: "Begin",
-  about: (duration: string) => `about ${duration}`,
-  disk: (size: string) => `${size} of disk`,
-  takes: (parts: string[]) => `It takes ${parts.join(" and ")}.`,
-  tokenFirst: "The server asks for its token when you begin; without the token it makes no estimate.",
-  planner: "planner: knows the object, plans a grasp of its own",
+  optional: "optional",
+  copyOf: (title: string) => `${title} (copy)`,
+  start: "Start",
+  estimate: (parts: string[]) => `Estimate: ${parts.join(", ")}.`,
+  tokenRequired: "The server requires a token to start a job or to estimate its cost.",
+  planner: "planner (no policy; known object and pose)",
   step: (step: string) => `step ${step}`,
 } as const;
 
@@ -184,42 +178,40 @@ export const PARAMETERS: Record<string, string> = {
   density_kg_m3: "Density (kg/m³)",
 };
 
-// A list that comes in pages.
-export const PAGES = { more: "More" } as const;
+export const TABLE = { more: "Show more" } as const;
 
-// What jobs made and people brought.
 export const DATASETS = {
   title: "Datasets",
-  head: ["Dataset", "Of", "Demonstrations", "Size", "Made"],
-  none: "None yet. A job makes one.",
+  head: ["Dataset", "Objects", "Demonstrations", "Size", "Created"],
+  none: "No datasets yet. Start a “Generate dataset” job to create one.",
   objects: (count: number) => `${count} objects`,
 } as const;
 
 export const DATASET = {
   title: "Dataset",
   objects: "Objects",
-  objectsHead: ["Object", "Kept", "Poses with enough", "The others"],
+  objectsHead: ["Object", "Kept", "Poses with full coverage", "Rejected (by reason)"],
   episodes: "Demonstrations",
-  episodesHead: ["Number", "Object", "Pose", "x, y, turn", "", "File"],
-  noEpisodes: "None was kept.",
+  episodesHead: ["Episode", "Object", "Pose", "x, y, yaw", "", "File"],
+  noEpisodes: "No demonstrations.",
 } as const;
 
 export const MODELS = {
   title: "Models",
-  head: ["Model", "Kind", "Step", "Made", ""],
-  none: "None yet. A job makes one.",
-  builtIn: "came with the program",
+  head: ["Model", "Kind", "Step", "Created", ""],
+  none: "No models yet. Start a “Train policy” job to create one.",
+  builtIn: "built in",
 } as const;
 
 export const MODEL = { title: "Model", files: "Files", filesHead: ["File", "BLAKE3"] } as const;
 
 export const MESHES = {
   title: "Meshes",
-  hint: "Meshes that the server keeps, for datasets and evaluations. What is dropped on the demo stays on your device.",
+  hint: "Meshes on the server, for datasets and evaluations. Files dropped on the demo page stay on your device.",
   file: "Mesh file",
-  none: "None yet.",
-  head: ["Mesh", "Size", "Triangles", "File", "", "", ""],
-  triangles: (count: string, watertight: boolean) => `${count}, ${watertight ? "closed" : "open"}`,
-  parts: "Convex parts",
+  none: "No meshes yet.",
+  head: ["Mesh", "Dimensions", "Triangles", "File size", "", "", ""],
+  triangles: (count: string, watertight: boolean) => `${count}, ${watertight ? "watertight" : "open"}`,
+  inspect: "Inspect",
   delete: "Delete",
 } as const;

@@ -1,6 +1,6 @@
-// Jobs and what comes of them, as the server tells (docs/api.md).
+// Resources of the job server (docs/api.md).
 
-import type { Stands } from "../demo/protocol";
+import type { Orientation } from "../demo/protocol";
 import { KINDS } from "./strings";
 
 export type Status = "queued" | "running" | "paused" | "cancelling" | "succeeded" | "failed" | "cancelled";
@@ -64,7 +64,7 @@ export interface Checkpoint {
   demo_url: string;
 }
 
-// Of one policy and object.
+// Evaluation report of one policy on one object.
 export interface Evaluation {
   policy: string;
   object: string;
@@ -75,24 +75,24 @@ export interface Evaluation {
   seed: number;
   scene_hash: string;
   object_hash: string;
-  // Of a mesh file; reports from before it was written took a file as it is.
-  stands?: Stands;
+  // Present for mesh files.
+  orientation?: Orientation;
   model_hash: string | null;
-  // In the report of a job, not where it is summed up.
-  rows?: Attempted[];
-  // The job that made it, where it is summed up.
+  // Present in the report of a job, absent in the summary of a model.
+  rows?: AttemptResult[];
+  // Job that made the evaluation; present in the summary of a model.
   job?: string;
 }
 
-// One attempt.
-export interface Attempted {
+export interface AttemptResult {
   seed: number;
+  // x (m), y (m), yaw (rad).
   pose: [number, number, number];
-  verdict: { outcome: string; reason?: string };
-  state_hash: string;
+  outcome: { result: string; reason?: string };
+  final_state_hash: string;
 }
 
-// Columns of numbers, as uPlot takes them.
+// Metric columns by name, in the layout of uPlot.
 export type Columns = Record<string, (number | null)[]>;
 
 export const ENDED: Status[] = ["succeeded", "failed", "cancelled"];

@@ -1,16 +1,15 @@
-//! Pictures of a dataset and of the objects: SVG, alone or in one self-contained page.
+//! SVG figures of datasets and objects, standalone or in one self-contained HTML page.
 
-pub mod canvas;
 mod charts;
-mod held;
+mod contact_sheet;
+mod grasp_figure;
 mod page;
-mod sheet;
-mod view;
+mod projection;
 
-pub use page::report;
-pub use sheet::contact_sheet;
+pub use contact_sheet::contact_sheet;
+pub use page::render_page;
 
-/// Colours of text, of what is less important, and of lines.
+/// Colors of text, of secondary text, and of lines.
 const INK: &str = "#1f2933";
-const QUIET: &str = "#5b6773";
+const MUTED: &str = "#5b6773";
 const LINE: &str = "#c8d0d8";

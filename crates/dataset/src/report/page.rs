@@ -1,30 +1,30 @@
-//! The report of a dataset: one page that needs nothing else.
+//! Report of a dataset as one self-contained HTML page.
 
-use crate::folder::Dataset;
+use crate::dataset::Dataset;
 use crate::generate::Objects;
 use crate::manifest::Manifest;
-use crate::report::canvas::escaped;
-use crate::report::charts::{self, Spot};
-use crate::report::held;
+use crate::parquet_io;
+use crate::report::charts::{self, PosePoint};
+use crate::report::grasp_figure;
 use crate::summary::Summary;
-use crate::table;
 use anyhow::{Context, Result};
+use files::svg::escape_xml;
 use geometry::Vec3;
-use grasps::Robot;
+use grasps::RobotContext;
 use robot::{DOF, JointVector, rotation};
 use std::fmt::Write;
 
-/// Poses whose trajectories are drawn, and how many of each at most.
-const FANS: usize = 3;
-const PATHS: usize = 64;
+/// Maximum number of poses with a trajectory plot, and of paths per plot.
+const MAX_TRAJECTORY_PLOTS: usize = 3;
+const MAX_PATHS: usize = 64;
 
 const STYLE: &str = "body{font:15px/1.5 sans-serif;color:#1f2933;max-width:1240px;margin:2em auto;\
     padding:0 1em}h2{margin-top:2.5em;border-top:1px solid #c8d0d8;padding-top:1em}\
     table{border-collapse:collapse}td,th{padding:.15em .9em .15em 0;text-align:left;\
     vertical-align:top}figure{margin:1em 0;overflow-x:auto}figcaption{color:#5b6773}";
 
-/// The report as HTML with its pictures in it.
-pub fn report(dataset: &Dataset, robot: &Robot, objects: &Objects) -> Result<String> {
+/// Renders the report as HTML with embedded figures.
+pub fn render_page(dataset: &Dataset, robot: &RobotContext, objects: &Objects) -> Result<String> {
     let (manifest, summary) = (Manifest::read(&dataset.dir)?, dataset.summary()?);
     let config = &dataset.config;
     let mut page = String::new();
@@ -37,34 +37,36 @@ pub fn report(dataset: &Dataset, robot: &Robot, objects: &Objects) -> Result<Str
         config.objects.len(),
         config.trajectories,
         config.seed,
-        escaped(&manifest.generator),
-        manifest.bytes() as f64 / 1e6,
+        escape_xml(&manifest.generator),
+        manifest.total_bytes() as f64 / 1e6,
         manifest.hash
     )?;
     for (index, name) in config.objects.iter().enumerate() {
-        let counts = summary.get(name).with_context(|| format!("no counts of {name}"))?;
-        writeln!(page, "<h2>{}</h2>{}", escaped(&name.replace('_', " ")), figures(counts))?;
+        let counts =
+            summary.get(name).with_context(|| format!("the summary has no counts of {name}"))?;
+        writeln!(page, "<h2>{}</h2>{}", escape_xml(&name.replace('_', " ")), counts_table(counts))?;
         if let Some(object) = objects.get(name) {
-            let set = dataset.grasps(name)?;
+            let set = dataset.read_grasps(name)?;
             let drawn = set.grasps.iter().enumerate().map(|(i, grasp)| {
                 let poses = counts.grasps.get(&i).copied().unwrap_or(0);
-                held::picture(robot, object, grasp, i, poses)
+                grasp_figure::draw_grasp(robot, object, grasp, i, poses)
             });
-            figure(&mut page, &held::row(drawn.collect()), "Grasps, when the fingers touch.")?;
+            figure(&mut page, &grasp_figure::figure_grid(drawn.collect()), "Grasps at contact.")?;
         }
-        let spots = spots(dataset, index)?;
+        let spots = pose_points(dataset, index)?;
         let workspace = &robot.config.workspace;
         figure(
             &mut page,
-            &charts::table(&spots, [workspace.x, workspace.y]),
-            "Where the object stood, from above. A dot is as large as the share of wanted \
-             demonstrations that were kept, its colour is that of the grasp, red for none; the line \
-             shows the yaw.",
+            &charts::success_map(&spots, [workspace.x, workspace.y]),
+            "Object poses, top view. Dot size: fraction of requested demonstrations that were kept. \
+             Color: grasp, red for none. Line: yaw.",
         )?;
-        figure(&mut page, &charts::fates(&counts.fates), "What became of the attempts.")?;
-        for pose in spots.iter().enumerate().filter(|(_, s)| s.grasp.is_some()).take(FANS) {
-            let fan = fan(dataset, robot, index, pose.0)?;
-            let caption = format!("Paths of the palm into the grasp at pose {}.", pose.0);
+        figure(&mut page, &charts::outcome_bars(&counts.outcomes), "Trials by outcome.")?;
+        for pose in
+            spots.iter().enumerate().filter(|(_, s)| s.grasp.is_some()).take(MAX_TRAJECTORY_PLOTS)
+        {
+            let fan = plot_trajectories(dataset, robot, index, pose.0)?;
+            let caption = format!("Palm paths into the grasp at pose {}.", pose.0);
             figure(&mut page, &fan, &caption)?;
         }
     }
@@ -73,56 +75,62 @@ pub fn report(dataset: &Dataset, robot: &Robot, objects: &Objects) -> Result<Str
 }
 
 fn figure(page: &mut String, svg: &str, caption: &str) -> Result<()> {
-    writeln!(page, "<figure>{svg}<figcaption>{}</figcaption></figure>", escaped(caption))?;
+    writeln!(page, "<figure>{svg}<figcaption>{}</figcaption></figure>", escape_xml(caption))?;
     Ok(())
 }
 
-/// The counts of an object as a table.
-fn figures(s: &Summary) -> String {
+/// Counts of an object as an HTML table.
+fn counts_table(s: &Summary) -> String {
     let of =
         |[k, n]: [usize; 2]| format!("{k} of {n} ({:.1} %)", 100.0 * k as f64 / n.max(1) as f64);
     let agreement = |[[a, b], [c, d]]: [[usize; 2]; 2]| of([a + d, a + b + c + d]);
     let rows = [
-        ("kept", of([s.kept(), s.attempts()])),
-        ("lifted with arm and hand before any filter", of(s.unfiltered)),
-        ("hand alone agrees with arm and hand", agreement(s.agreement)),
-        ("the same, 2 s and shaken", agreement(s.endurance)),
-        ("kept ones lift beside their place", of(s.perturbed)),
-        ("poses with enough", of([s.enough, s.poses])),
-        ("least gap up to touch", format!("{:.2} mm", 1e3 * s.clearance[0])),
-        ("duration, median and 9 of 10", format!("{:.2} and {:.2} s", s.seconds[0], s.seconds[1])),
-        ("jerk, median and 9 of 10", format!("{:.0} and {:.0} rad/s³", s.jerk[0], s.jerk[1])),
+        ("kept", of([s.kept(), s.trials()])),
+        ("full robot lifted, before any filter", of(s.lifted_full_robot)),
+        ("floating hand agrees with full robot", agreement(s.hand_vs_full)),
+        ("same, with 2 s hold and shaking", agreement(s.shaken_vs_full)),
+        ("kept demonstrations lifted under perturbation", of(s.lifted_perturbed)),
+        ("well-covered poses", of([s.well_covered, s.poses])),
+        ("minimum clearance up to contact", format!("{:.2} mm", 1e3 * s.clearance[0])),
+        ("duration, median and p90", format!("{:.2} and {:.2} s", s.duration[0], s.duration[1])),
+        ("jerk, median and p90", format!("{:.0} and {:.0} rad/s³", s.jerk[0], s.jerk[1])),
     ];
-    let rows = rows.map(|(what, value)| format!("<tr><td>{what}</td><td>{value}</td></tr>"));
+    let rows = rows.map(|(label, value)| format!("<tr><td>{label}</td><td>{value}</td></tr>"));
     format!("<table>{}</table>", rows.concat())
 }
 
-fn spots(dataset: &Dataset, object: usize) -> Result<Vec<Spot>> {
-    let batch = table::read_group(&dataset.dir.join("poses.parquet"), object)?;
-    let [x, y, yaw] = ["x", "y", "yaw"].map(|name| table::floats(&batch, name));
+fn pose_points(dataset: &Dataset, object: usize) -> Result<Vec<PosePoint>> {
+    let batch = parquet_io::read_group(&dataset.dir.join("poses.parquet"), object)?;
+    let [x, y, yaw] = ["x", "y", "yaw"].map(|name| parquet_io::floats(&batch, name));
     let (x, y, yaw) = (x?, y?, yaw?);
-    let (kept, grasps) = (table::integers(&batch, "kept")?, table::integers(&batch, "grasp")?);
+    let (kept, grasps) =
+        (parquet_io::integers(&batch, "num_kept")?, parquet_io::integers(&batch, "grasp")?);
     let wanted = dataset.config.trajectories.max(1) as f32;
     Ok((0..x.len())
-        .map(|i| Spot {
+        .map(|i| PosePoint {
             pose: [x[i], y[i], yaw[i]],
-            share: kept[i] as f32 / wanted,
+            kept_fraction: kept[i] as f32 / wanted,
             grasp: usize::try_from(grasps[i]).ok(),
         })
         .collect())
 }
 
-/// The palm's paths at one pose.
-fn fan(dataset: &Dataset, robot: &Robot, object: usize, pose: usize) -> Result<String> {
-    let record = dataset.pose(object, pose)?;
+/// Plots the palm paths at one pose.
+fn plot_trajectories(
+    dataset: &Dataset,
+    robot: &RobotContext,
+    object: usize,
+    pose: usize,
+) -> Result<String> {
+    let record = dataset.read_pose(object, pose)?;
     let palm = |row: usize| {
         let q = &record.states[row * 2 * DOF..][..DOF];
         let q = JointVector::from_fn(|i, _| f64::from(q[i]));
-        rotation::to_vec3(&robot.tree.kinematics(&q).palm().translation.vector)
+        rotation::to_vec3(&robot.tree.forward_kinematics(&q).palm_pose().translation.vector)
     };
-    let spans = record.offsets.windows(2).take(PATHS);
+    let spans = record.offsets.windows(2).take(MAX_PATHS);
     let paths: Vec<Vec<Vec3>> =
         spans.map(|span| (span[0]..span[1]).step_by(2).map(palm).collect()).collect();
     let ends = paths.iter().filter_map(|path| path.last().copied()).take(1).collect::<Vec<_>>();
-    Ok(charts::fan(&paths, &ends))
+    Ok(charts::trajectory_plot(&paths, &ends))
 }

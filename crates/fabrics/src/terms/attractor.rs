@@ -1,19 +1,19 @@
-//! The soft-normalised pull to a point that palm, hand and posture share.
+//! Soft-normalised attraction to a point, used by the palm, hand and posture terms.
 
 use nalgebra::SVector;
 
-/// A pull of constant strength that fades near its target, with damping that grows there.
+/// An attractor with constant strength that decays near its target, and damping near the target.
 #[derive(Clone, Copy, Debug)]
 pub struct Attractor {
     /// Strength far from the target (m/s² or rad/s²).
     pub gain: f64,
-    /// How steeply it fades: half strength at about 0.55 / sharpness.
+    /// Steepness of the decay: half strength at a distance of about 0.55 / sharpness.
     pub sharpness: f64,
-    /// Priority against other terms.
+    /// Priority relative to other terms: scale of the metric.
     pub mass: f64,
     /// Damping at the target (1/s).
     pub damping: f64,
-    /// Distance within which the damping acts (m or rad).
+    /// Distance within which the damping is active (m or rad).
     pub damping_radius: f64,
 }
 
@@ -26,11 +26,14 @@ impl Attractor {
     ) -> SVector<f64, N> {
         let distance = error.norm();
         let gate = 0.5 * libm::tanh(-10.0 * (distance - self.damping_radius)) + 0.5;
-        self.pull(error) - velocity * (self.damping * gate)
+        self.potential_acceleration(error) - velocity * (self.damping * gate)
     }
 
-    /// -k tanh(a|e|) e/|e| alone; zero at the target.
-    pub fn pull<const N: usize>(&self, error: &SVector<f64, N>) -> SVector<f64, N> {
+    /// Potential part -k tanh(a|e|) e/|e|; zero at the target.
+    pub fn potential_acceleration<const N: usize>(
+        &self,
+        error: &SVector<f64, N>,
+    ) -> SVector<f64, N> {
         let distance = error.norm();
         if distance < 1e-12 {
             return SVector::zeros();
@@ -45,7 +48,7 @@ mod tests {
     use nalgebra::Vector3;
 
     #[test]
-    fn the_pull_is_the_gradient_of_a_potential() {
+    fn potential_acceleration_is_negative_gradient_of_potential() {
         // ψ = k/a ln cosh(a|e|) has the gradient k tanh(a|e|) e/|e|.
         let attractor =
             Attractor { gain: 3.0, sharpness: 4.0, mass: 1.0, damping: 0.0, damping_radius: 0.1 };
@@ -55,8 +58,8 @@ mod tests {
             let mut d = Vector3::zeros();
             d[i] = h;
             let gradient = (psi(e + d) - psi(e - d)) / (2.0 * h);
-            assert!((attractor.pull(&e)[i] + gradient).abs() < 1e-8);
+            assert!((attractor.potential_acceleration(&e)[i] + gradient).abs() < 1e-8);
         }
-        assert_eq!(attractor.pull(&Vector3::zeros()), Vector3::zeros());
+        assert_eq!(attractor.potential_acceleration(&Vector3::zeros()), Vector3::zeros());
     }
 }

@@ -1,4 +1,4 @@
-//! What a fabric is made of. Each term adds its metric and forces to the two sums of a [`Pull`].
+//! Terms of the fabric. Each term adds its metric and forces to [`TermSums`].
 
 pub mod attractor;
 pub mod palm;
@@ -9,17 +9,17 @@ use crate::Spec;
 use nalgebra::{SMatrix, SVector};
 use robot::DOF;
 
-/// The sums of all terms: geometric forces bend the path, potential forces drive it.
+/// Sums over all terms. Geometric forces shape the path; potential forces drive the motion.
 #[derive(Clone, Copy, Debug)]
-pub struct Pull {
+pub struct TermSums {
     /// Σ JᵀMJ of all terms, and the forces that are homogeneous of degree two in q̇.
     pub geometry: Spec,
-    /// Forces that derive from potentials and their damping; its metric is part of `geometry`.
+    /// Forces of potentials and their damping. Their metric is part of `geometry`.
     pub potential: robot::JointVector,
 }
 
-impl Pull {
-    /// No terms yet.
+impl TermSums {
+    /// Sums without any term.
     pub fn zero() -> Self {
         Self { geometry: Spec::zero(), potential: robot::JointVector::zeros() }
     }
@@ -32,7 +32,7 @@ impl Pull {
         metric: &SMatrix<f64, N, N>,
         acceleration: &SVector<f64, N>,
     ) {
-        self.geometry.add_pulled_back(jacobian, bias, metric, &SVector::zeros());
+        self.geometry.add_pullback(jacobian, bias, metric, &SVector::zeros());
         self.potential -= jacobian.transpose() * (metric * acceleration);
     }
 }

@@ -1,34 +1,34 @@
-//! Drives the palm to a pose by pulling seven points that are fixed to it.
+//! Palm pose term: attracts seven points fixed to the palm to their goal positions.
 
-use super::{Pull, attractor::Attractor};
+use super::{TermSums, attractor::Attractor};
 use nalgebra::{Matrix3, SVector};
-use robot::{Isometry, JointVector, Kinematics, Tree, Vector};
+use robot::{Isometry, JointVector, KinematicTree, Kinematics, Vector};
 
-/// Distance of the points from the palm (m): how much a radian of error weighs against a metre.
-pub const REACH: f64 = 0.25;
-const POINTS: usize = 7;
+/// Distance (m) of the points from the palm origin: metres of position error per radian of orientation error.
+pub const POINT_LEVER: f64 = 0.25;
+const NUM_POINTS: usize = 7;
 
-/// The palm's origin, and a point on each side of it on each axis, palm frame.
-fn points() -> [Vector; POINTS] {
-    let mut points = [Vector::zeros(); POINTS];
+/// The palm origin and the points at ± [`POINT_LEVER`] on each axis, palm frame.
+fn points() -> [Vector; NUM_POINTS] {
+    let mut points = [Vector::zeros(); NUM_POINTS];
     for axis in 0..3 {
-        points[1 + 2 * axis][axis] = REACH;
-        points[2 + 2 * axis][axis] = -REACH;
+        points[1 + 2 * axis][axis] = POINT_LEVER;
+        points[2 + 2 * axis][axis] = -POINT_LEVER;
     }
     points
 }
 
-/// Adds the pull of the palm to `target` (world from palm).
+/// Adds the attraction of the palm to the pose `target` (world from palm).
 pub fn add(
-    pull: &mut Pull,
-    tree: &Tree,
+    sums: &mut TermSums,
+    tree: &KinematicTree,
     kinematics: &Kinematics,
     qd: &JointVector,
     target: &Isometry,
     attractor: &Attractor,
 ) {
-    let (palm, body) = (kinematics.palm(), tree.palm.body);
-    let motion = kinematics.motion(qd);
+    let (palm, body) = (kinematics.palm_pose(), tree.palm.body);
+    let motion = kinematics.velocities(qd);
     let world = points().map(|point| palm.transform_point(&point.into()).coords);
     let mut error = SVector::<f64, 21>::zeros();
     let mut velocity = SVector::<f64, 21>::zeros();
@@ -43,6 +43,6 @@ pub fn add(
         let jacobian = kinematics.point_jacobian(body, at);
         let bias = motion.bias_acceleration(body, at);
         let wanted: Vector = acceleration.fixed_rows::<3>(3 * i).into();
-        pull.add_forcing(&jacobian, &bias, &metric, &wanted);
+        sums.add_forcing(&jacobian, &bias, &metric, &wanted);
     }
 }

@@ -1,24 +1,35 @@
-//! Pulls on the joints themselves: a resting posture as geometry, a hand posture as goal.
+//! Joint-space terms: the rest posture as a geometric term, the hand goal as a forcing term.
 
-use super::{Pull, attractor::Attractor};
+use super::{TermSums, attractor::Attractor};
 use nalgebra::{SMatrix, SVector};
-use robot::{ARM, DOF, HAND, JointState, JointVector};
+use robot::{ARM_DOF, DOF, HAND_DOF, JointState, JointVector};
 
-/// Bends paths towards a resting posture: |q̇|² times the attractor's pull, so it vanishes at rest.
-pub fn add_resting(pull: &mut Pull, state: &JointState, rest: &JointVector, attractor: &Attractor) {
-    let bend = attractor.pull(&(state.q - rest)) * state.qd.norm_squared();
+/// Adds the attraction to the rest posture, scaled by |q̇|², so that it bends paths and vanishes at rest.
+pub fn add_rest_posture(
+    sums: &mut TermSums,
+    state: &JointState,
+    rest: &JointVector,
+    attractor: &Attractor,
+) {
+    let acceleration =
+        attractor.potential_acceleration(&(state.q - rest)) * state.qd.norm_squared();
     let metric = SMatrix::<f64, DOF, DOF>::identity() * attractor.mass;
-    pull.geometry.metric += metric;
-    pull.geometry.force -= metric * bend;
+    sums.geometry.metric += metric;
+    sums.geometry.force -= metric * acceleration;
 }
 
-/// Drives the hand to a posture.
-pub fn add_hand(pull: &mut Pull, state: &JointState, target: &[f64; HAND], attractor: &Attractor) {
-    let error = SVector::<f64, HAND>::from_fn(|i, _| state.q[ARM + i] - target[i]);
-    let velocity = SVector::<f64, HAND>::from_fn(|i, _| state.qd[ARM + i]);
+/// Adds the attraction of the hand to the posture `target` (rad).
+pub fn add_hand_goal(
+    sums: &mut TermSums,
+    state: &JointState,
+    target: &[f64; HAND_DOF],
+    attractor: &Attractor,
+) {
+    let error = SVector::<f64, HAND_DOF>::from_fn(|i, _| state.q[ARM_DOF + i] - target[i]);
+    let velocity = SVector::<f64, HAND_DOF>::from_fn(|i, _| state.qd[ARM_DOF + i]);
     let acceleration = attractor.acceleration(&error, &velocity);
-    for i in 0..HAND {
-        pull.geometry.metric[(ARM + i, ARM + i)] += attractor.mass;
-        pull.potential[ARM + i] -= attractor.mass * acceleration[i];
+    for i in 0..HAND_DOF {
+        sums.geometry.metric[(ARM_DOF + i, ARM_DOF + i)] += attractor.mass;
+        sums.potential[ARM_DOF + i] -= attractor.mass * acceleration[i];
     }
 }

@@ -1,43 +1,48 @@
-//! The differentiable twins of the networks in `policy`, on tensor batches.
+//! Differentiable batched counterparts of the networks in `policy`, with custom candle operations.
 //!
-//! The names and shapes of the weights are those that `policy` reads.
+//! Weights have the names and shapes that `policy` reads.
 
+pub mod acceleration_mlp;
 pub mod adam;
 pub mod autoencoder;
-pub mod baseline;
 pub mod chamfer;
-pub mod dense;
+pub mod elu_backward;
+pub mod fourier;
+pub mod grad_accumulator;
 #[cfg(test)]
-mod differences;
-pub mod features;
-pub mod gate;
+mod gradcheck;
 pub mod head;
-mod memory;
+pub mod linear;
+pub mod linear_max_pool;
+pub mod matmul_nt;
 pub mod network;
 pub mod ngf;
 pub mod params;
-pub mod pool;
-pub mod slot;
-pub mod transposed;
+mod storage;
 
 pub use params::Params;
 
 use candle_core::{Result, Tensor};
-use dense::Dense;
+use linear::LinearAct;
 use policy::mlp::Activation;
 
-/// f(xW + b) for a batch, W of shape (inputs, outputs).
-pub(crate) fn dense(
+/// Layer f(xW + b) on a batch, x (B, inputs), W (inputs, outputs).
+pub(crate) fn linear(
     x: &Tensor,
     params: &Params,
     name: &str,
     activation: Option<Activation>,
 ) -> Result<Tensor> {
     let (weight, slot) = params.weight(&format!("{name}.weight"))?;
-    x.apply_op3(&weight, params.tensor(&format!("{name}.bias"))?, Dense { activation, slot })
+    x.apply_op3(
+        &weight,
+        params.tensor(&format!("{name}.bias"))?,
+        LinearAct { activation, accumulator: slot },
+    )
 }
 
-/// Layers `name.0` to `name.{count - 1}` with `activation` between them; the last one is linear.
+/// Multilayer perceptron of `count` layers `name.0`, `name.1`, ... with `activation` after all but the last
+/// one.
 pub(crate) fn mlp(
     x: &Tensor,
     params: &Params,
@@ -47,8 +52,8 @@ pub(crate) fn mlp(
 ) -> Result<Tensor> {
     let mut h = x.clone();
     for layer in 0..count {
-        let after = (layer + 1 < count).then_some(activation);
-        h = dense(&h, params, &format!("{name}.{layer}"), after)?;
+        let activation = (layer + 1 < count).then_some(activation);
+        h = linear(&h, params, &format!("{name}.{layer}"), activation)?;
     }
     Ok(h)
 }

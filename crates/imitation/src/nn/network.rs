@@ -1,101 +1,107 @@
-//! A policy of any kind on a batch; the twin of `policy::network`.
+//! Batched policy network of any architecture; counterpart of `policy::network`.
 
 use super::Params;
-use super::baseline::{self, Baseline};
-use super::ngf::{self, Active, Ngf, Piece};
+use super::acceleration_mlp::{self, AccelerationMlp};
+use super::ngf::{self, Ngf, SubnetOutput, TrainableSet};
 use anyhow::Result;
 use candle_core::Tensor;
 use policy::PolicyConfig;
-use policy::head::TRIANGLE;
+use policy::head::TRIANGLE_ENTRIES;
 use policy::network::NetworkConfig;
 use rand_chacha::ChaCha8Rng;
-use robot::{DOF, JointState, Limits};
+use robot::{DOF, JointLimits, JointState};
 
-/// What is trained.
+/// A trainable policy network.
 pub enum Network {
     /// A Neural Geometric Fabric.
     Ngf(Ngf),
-    /// The baseline.
-    Mlp(Baseline),
+    /// The baseline: an MLP that predicts accelerations.
+    Mlp(AccelerationMlp),
 }
 
-/// What a network does with a batch.
-pub struct Response {
-    /// Accelerations, shape (B, DOF).
+/// Output of a network for a batch.
+pub struct NetworkOutput {
+    /// Accelerations (rad/s²), shape (B, DOF).
     pub accelerations: Tensor,
-    /// Mean square of the entries of the metrics' factors U, of a fabric.
-    pub metrics: Option<Tensor>,
+    /// Mean square of the entries of the metric factors U; `None` for networks other than a fabric.
+    pub metric_penalty: Option<Tensor>,
 }
 
-/// Adds fresh parameters.
+/// Adds random initial parameters of the configured network.
 pub fn init(params: &mut Params, config: &PolicyConfig, rng: &mut ChaCha8Rng) -> Result<()> {
     match &config.network {
         NetworkConfig::Ngf(ngf) => ngf::init(params, ngf, rng),
-        NetworkConfig::Mlp(mlp) => baseline::init(params, mlp, config.observation.size(), rng),
+        NetworkConfig::Mlp(mlp) => {
+            acceleration_mlp::init(params, mlp, config.observation.dim(), rng)
+        }
     }
 }
 
 impl Network {
-    /// Draws what is fixed.
-    pub fn new(config: &PolicyConfig, limits: &Limits) -> Result<Self> {
-        let object = config.observation.size();
+    /// Samples the fixed Fourier frequencies.
+    pub fn new(config: &PolicyConfig, limits: &JointLimits) -> Result<Self> {
+        let observation_dim = config.observation.dim();
         Ok(match &config.network {
-            NetworkConfig::Ngf(ngf) => Self::Ngf(Ngf::new(ngf, object, limits)?),
-            NetworkConfig::Mlp(mlp) => Self::Mlp(Baseline::new(mlp, object, limits)?),
+            NetworkConfig::Ngf(ngf) => Self::Ngf(Ngf::new(ngf, observation_dim, limits)?),
+            NetworkConfig::Mlp(mlp) => {
+                Self::Mlp(AccelerationMlp::new(mlp, observation_dim, limits)?)
+            }
         })
     }
 
-    /// The networks that it consists of, those that are `active`; the baseline is one.
-    pub fn pieces(&self, active: Active) -> Vec<Piece> {
+    /// The trainable subnetworks in the set `active`; the baseline is a single one.
+    pub fn subnets(&self, active: TrainableSet) -> Vec<SubnetOutput> {
         match self {
-            Self::Ngf(ngf) => ngf.pieces(active),
-            Self::Mlp(_) => vec![Piece { part: 0, columns: 0..DOF, passes: 3 }],
+            Self::Ngf(ngf) => ngf.subnets(active),
+            Self::Mlp(_) => vec![SubnetOutput { subnetwork: 0, columns: 0..DOF, passes: 3 }],
         }
     }
 
-    /// What one of them says about the states of a batch, for what is told of their objects.
+    /// Output of one subnetwork for a batch of states and observations, shape (B, number of its columns).
     pub fn output(
         &self,
         params: &Params,
-        piece: &Piece,
+        subnet: &SubnetOutput,
         states: &[JointState],
-        objects: &[&[f32]],
+        observations: &[&[f32]],
     ) -> Result<Tensor> {
         match self {
-            Self::Ngf(ngf) => ngf.output(params, piece, states, objects),
-            Self::Mlp(mlp) => mlp.accelerations(params, states, objects),
+            Self::Ngf(ngf) => ngf.output(params, subnet, states, observations),
+            Self::Mlp(mlp) => mlp.accelerations(params, states, observations),
         }
     }
 
-    /// A row of outputs for those that are not active.
-    pub fn silence(&self) -> Vec<f32> {
+    /// Output row of the initial, untrained network; inactive subnetworks use their columns of it.
+    pub fn inactive_output(&self) -> Vec<f32> {
         match self {
-            Self::Ngf(_) => Ngf::silence(),
+            Self::Ngf(_) => Ngf::inactive_output(),
             Self::Mlp(_) => vec![0.0; DOF],
         }
     }
 
-    /// What it does, from all that its networks say: shape (B, length of a row).
-    pub fn head(&self, outputs: &Tensor, states: &[JointState]) -> Result<Response> {
+    /// Network output from the packed outputs of all subnetworks, shape (B, row length).
+    pub fn head(&self, outputs: &Tensor, states: &[JointState]) -> Result<NetworkOutput> {
         Ok(match self {
-            Self::Ngf(_) => Response {
+            Self::Ngf(_) => NetworkOutput {
                 accelerations: Ngf::resolve(outputs, states)?,
-                metrics: Some(outputs.narrow(1, 0, 2 * TRIANGLE)?.sqr()?.mean_all()?),
+                metric_penalty: Some(
+                    outputs.narrow(1, 0, 2 * TRIANGLE_ENTRIES)?.sqr()?.mean_all()?,
+                ),
             },
-            Self::Mlp(_) => Response { accelerations: outputs.clone(), metrics: None },
+            Self::Mlp(_) => NetworkOutput { accelerations: outputs.clone(), metric_penalty: None },
         })
     }
 
-    /// What it does in the states of a batch, on one tape.
-    pub fn respond(
+    /// Network output for a batch of states and observations, as one differentiable graph.
+    pub fn forward(
         &self,
         params: &Params,
         states: &[JointState],
-        objects: &[&[f32]],
-    ) -> Result<Response> {
-        let output = |piece| self.output(params, piece, states, objects);
+        observations: &[&[f32]],
+    ) -> Result<NetworkOutput> {
+        let output = |subnet| self.output(params, subnet, states, observations);
         let outputs: Vec<Tensor> =
-            self.pieces(Active::All).iter().map(output).collect::<Result<_>>()?;
+            self.subnets(TrainableSet::All).iter().map(output).collect::<Result<_>>()?;
         self.head(&Tensor::cat(&outputs, 1)?.contiguous()?, states)
     }
 }
@@ -103,53 +109,58 @@ impl Network {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use policy::baseline::BaselineConfig;
-    use policy::{Observation, weights::Tensors};
+    use policy::acceleration_mlp::AccelerationMlpConfig;
+    use policy::{ObservationKind, weights::Tensors};
     use rand::SeedableRng;
-    use robot::{JointVector, Tree};
+    use robot::{JointVector, KinematicTree};
 
-    /// Networks of every kind, of little size.
+    /// Small networks of all architectures and observation kinds.
     fn configs() -> Vec<PolicyConfig> {
         let mut configs = Vec::new();
-        for observation in [Observation::Cloud, Observation::Position] {
+        for observation in [ObservationKind::Cloud, ObservationKind::Position] {
             let tiny = PolicyConfig { observation, ..PolicyConfig::tiny() };
             let mlp = |mlp| PolicyConfig { network: NetworkConfig::Mlp(mlp), ..tiny.clone() };
-            let large = BaselineConfig { hidden: vec![24; 3], ..BaselineConfig::large() };
-            configs.extend([mlp(BaselineConfig::paper()), mlp(large), tiny]);
+            let large =
+                AccelerationMlpConfig { hidden: vec![24; 3], ..AccelerationMlpConfig::large() };
+            configs.extend([mlp(AccelerationMlpConfig::paper()), mlp(large), tiny]);
         }
         configs
     }
 
     #[test]
-    fn the_twins_agree_with_the_networks_that_run() {
-        let limits = Tree::iiwa7_allegro().unwrap().limits;
+    fn batched_networks_match_the_inference_networks() {
+        let limits = KinematicTree::iiwa7_allegro().unwrap().limits;
         for config in configs() {
             let mut params = Params::default();
             init(&mut params, &config, &mut ChaCha8Rng::seed_from_u64(4)).unwrap();
-            // Last layers begin at zero: here they say something, and the twins are compared on the same
-            // rounded weights.
+            // Initial last layers are zero. Nonzero weights, rounded to half precision, make the comparison
+            // meaningful.
             let wave = |k: usize| half::f16::from_f32(0.1 * libm::sinf((k * k % 997) as f32));
             let values: Vec<f32> = (0..params.count()).map(|k| wave(k).to_f32()).collect();
             params.set_values(&values).unwrap();
             let bytes = params.export(&[]).unwrap();
-            let runs = policy::Network::load(&Tensors::parse(&bytes).unwrap(), &config, &limits);
-            let runs = runs.unwrap();
-            let twin = Network::new(&config, &limits).unwrap();
+            let inference =
+                policy::Network::load(&Tensors::parse(&bytes).unwrap(), &config, &limits);
+            let inference = inference.unwrap();
+            let network = Network::new(&config, &limits).unwrap();
 
             let state = |k: usize| JointState {
                 q: JointVector::from_fn(|i, _| libm::sin((k * 5 + i) as f64) * 0.8),
                 qd: JointVector::from_fn(|i, _| libm::cos((k * 3 + i) as f64)),
             };
             let states: Vec<JointState> = (0..8).map(state).collect();
-            let object: Vec<f32> =
-                (0..config.observation.size()).map(|i| libm::sinf(i as f32)).collect();
-            let objects = vec![object.as_slice(); 8];
-            let got = twin.respond(&params, &states, &objects).unwrap();
+            let observation: Vec<f32> =
+                (0..config.observation.dim()).map(|i| libm::sinf(i as f32)).collect();
+            let observations = vec![observation.as_slice(); 8];
+            let got = network.forward(&params, &states, &observations).unwrap();
             for (state, got) in states.iter().zip(got.accelerations.to_vec2::<f32>().unwrap()) {
-                let wanted = runs.acceleration(state, &object).unwrap();
-                let off = |i: usize| (f64::from(got[i]) - wanted[i]).abs();
-                let error = (0..DOF).map(off).fold(0.0, f64::max);
-                assert!(wanted.norm() > 0.1 && error < 1e-4 * wanted.norm(), "{config:?}: {error}");
+                let expected = inference.acceleration(state, &observation).unwrap();
+                let error_of = |i: usize| (f64::from(got[i]) - expected[i]).abs();
+                let error = (0..DOF).map(error_of).fold(0.0, f64::max);
+                assert!(
+                    expected.norm() > 0.1 && error < 1e-4 * expected.norm(),
+                    "{config:?}: {error}"
+                );
             }
         }
     }

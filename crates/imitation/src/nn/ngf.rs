@@ -1,78 +1,79 @@
-//! The NGF on a batch; the twin of `policy::ngf`. ∂ψ/∂q is built from forward operations, so that
-//! one ordinary backward pass trains it.
+//! Batched NGF; counterpart of `policy::ngf`. ∂ψ/∂q consists of forward operations, so that one ordinary
+//! backward pass trains it.
 
-use super::features::Features;
-use super::gate::Gate;
+use super::elu_backward::EluBackward;
+use super::fourier::FeatureBatch;
 use super::head::{Head, PACKED};
-use super::transposed::Transposed;
-use super::{Params, dense, mlp};
+use super::matmul_nt::MatmulNT;
+use super::{Params, linear, mlp};
 use anyhow::Result;
 use candle_core::{DType, Device, Tensor};
-use policy::fourier::{FREQUENCIES, Fourier};
+use policy::fourier::{FourierFeatures, NUM_FREQUENCIES};
 use policy::mlp::Activation;
 use policy::ngf::{
-    DAMPING, DRIVING_METRIC, GEOMETRY, GEOMETRY_METRIC, NgfConfig, PARTS, POTENTIAL, inputs,
+    DAMPING, DRIVING_METRIC, GEOMETRY, GEOMETRY_METRIC, NgfConfig, POTENTIAL, SUBNETWORKS, inputs,
 };
 use rand_chacha::ChaCha8Rng;
-use robot::{DOF, JointState, JointVector, Limits};
+use robot::{DOF, JointLimits, JointState, JointVector};
 use std::ops::Range;
 
-/// Bias of β_f in a fresh network, which then says one more: ELU + 1.
-const FIRST_DAMPING: f32 = 50.0;
-/// Layers of each network.
-const LAYERS: usize = 4;
+/// Initial output bias of the β_f network. The initial β_f is larger by one: ELU + 1.
+const INITIAL_DAMPING_BIAS: f32 = 50.0;
+/// Number of layers of each network.
+const NUM_LAYERS: usize = 4;
 
-/// The five networks' fixed projections.
+/// Fixed quantities of the fabric: joint limits, Fourier projections of the five networks, base potential.
 pub struct Ngf {
-    limits: Limits,
-    fourier: Vec<(Fourier, Tensor)>,
+    limits: JointLimits,
+    fourier: Vec<(FourierFeatures, Tensor)>,
     /// ∂(normalised q)/∂q times the scale of ψ, shape (1, DOF).
     slope: Tensor,
-    /// κ of the bowl, and its middle.
-    bowl: f64,
-    rest: JointVector,
+    /// κ, stiffness of the base potential, and its center (rad).
+    base_stiffness: f64,
+    potential_center: JointVector,
 }
 
-/// Which of the networks take part.
+/// Subset of the networks that is trained.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Active {
-    /// All five.
+pub enum TrainableSet {
+    /// All five networks.
     All,
-    /// F_ψ; the others say what they say before any training: M = 2 I, χ = 0, constant damping.
+    /// Only F_ψ. The others have their initial outputs: M = 2 I, χ = 0, constant damping.
     Potential,
 }
 
-/// One of the five networks in a batch.
+/// One of the five networks, and the location of its output in the packed row.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Piece {
-    /// Its index among the parts.
-    pub part: usize,
-    /// Where what it says stands among all outputs.
+pub struct SubnetOutput {
+    /// Index into [`policy::ngf::SUBNETWORKS`].
+    pub subnetwork: usize,
+    /// Columns of its output in the packed row.
     pub columns: Range<usize>,
-    /// How often its layers are gone through in a step.
+    /// Number of passes through its layers per training step, as a cost estimate.
     pub passes: usize,
 }
 
-/// Adds fresh parameters of the five networks. All but F_ψ begin with outputs of zero.
+/// Adds random initial parameters of the five networks. All except F_ψ have zero initial outputs.
 pub fn init(params: &mut Params, config: &NgfConfig, rng: &mut ChaCha8Rng) -> Result<()> {
-    for (i, part) in PARTS.iter().enumerate() {
+    for (i, part) in SUBNETWORKS.iter().enumerate() {
         let last = if i == POTENTIAL { 0.1 } else { 0.0 };
         params.add_mlp(part.name, &part.widths(config), last, rng)?;
     }
-    // Damping begins at that of the expert instead of at one thirtieth of it: M begins near 2 I.
-    let last = format!("{}.{}.bias", PARTS[DAMPING].name, LAYERS - 1);
-    params.add(&last, &[1], vec![FIRST_DAMPING])
+    // With M near 2 I initially, this bias gives the damping of the expert; without it, one thirtieth of
+    // that.
+    let last = format!("{}.{}.bias", SUBNETWORKS[DAMPING].name, NUM_LAYERS - 1);
+    params.add(&last, &[1], vec![INITIAL_DAMPING_BIAS])
 }
 
 impl Ngf {
-    /// Draws the frequencies; `object` numbers tell of the object.
-    pub fn new(config: &NgfConfig, object: usize, limits: &Limits) -> Result<Self> {
-        let fourier = PARTS
+    /// Samples the Fourier frequencies for observations of dimension `observation_dim`.
+    pub fn new(config: &NgfConfig, observation_dim: usize, limits: &JointLimits) -> Result<Self> {
+        let fourier = SUBNETWORKS
             .iter()
             .enumerate()
             .map(|(i, part)| {
-                let fourier = part.fourier(config, object, i);
-                let shape = (fourier.inputs, FREQUENCIES);
+                let fourier = part.fourier(config, observation_dim, i);
+                let shape = (fourier.num_inputs, NUM_FREQUENCIES);
                 let tensor = Tensor::from_vec(fourier.frequencies.clone(), shape, &Device::Cpu)?;
                 Ok((fourier, tensor))
             })
@@ -81,51 +82,58 @@ impl Ngf {
         let slope: Vec<f32> =
             range.iter().map(|r| config.potential_scale * (2.0 / r) as f32).collect();
         let slope = Tensor::from_vec(slope, (1, DOF), &Device::Cpu)?;
-        let rest = JointVector::from(config.rest);
-        Ok(Self { limits: limits.clone(), fourier, slope, bowl: config.bowl, rest })
+        let rest = JointVector::from(config.potential_center);
+        Ok(Self {
+            limits: limits.clone(),
+            fourier,
+            slope,
+            base_stiffness: config.base_stiffness,
+            potential_center: rest,
+        })
     }
 
-    /// Those of the networks that take part.
-    pub fn pieces(&self, active: Active) -> Vec<Piece> {
-        let takes_part = |piece: &Piece| active == Active::All || piece.part == POTENTIAL;
+    /// The networks in the set `active`, in the order of the packed row.
+    pub fn subnets(&self, active: TrainableSet) -> Vec<SubnetOutput> {
+        let is_active =
+            |subnet: &SubnetOutput| active == TrainableSet::All || subnet.subnetwork == POTENTIAL;
         let mut end = 0;
-        let mut piece = |part: usize| {
-            let width = if part == POTENTIAL { DOF } else { PARTS[part].outputs };
+        let mut subnet = |part: usize| {
+            let width = if part == POTENTIAL { DOF } else { SUBNETWORKS[part].num_outputs };
             end += width;
-            // Forward, and back by weight and by input; the slope of ψ goes back and forth once more.
+            // Forward, gradient by weight, gradient by input; ∂ψ/∂q doubles these.
             let passes = if part == POTENTIAL { 6 } else { 3 };
-            Piece { part, columns: end - width..end, passes }
+            SubnetOutput { subnetwork: part, columns: end - width..end, passes }
         };
-        // As `Head` takes them.
+        // Column order of `Head`.
         [GEOMETRY_METRIC, DRIVING_METRIC, GEOMETRY, POTENTIAL, DAMPING]
-            .map(&mut piece)
+            .map(&mut subnet)
             .into_iter()
-            .filter(takes_part)
+            .filter(is_active)
             .collect()
     }
 
-    /// What a network says, shape (B, columns of the piece); of F_ψ its slope ∂ψ/∂q.
+    /// Output of a network, shape (B, number of its columns). For F_ψ the output is ∂ψ/∂q.
     pub fn output(
         &self,
         params: &Params,
-        piece: &Piece,
+        subnet: &SubnetOutput,
         states: &[JointState],
         z: &[&[f32]],
     ) -> Result<Tensor> {
-        match piece.part {
+        match subnet.subnetwork {
             POTENTIAL => self.potential_gradient(params, states, z),
             part => self.apply(params, part, states, z),
         }
     }
 
-    /// What untrained networks say, a row as [`Head`] takes it: M = 2 I, χ = 0, constant damping.
-    pub fn silence() -> Vec<f32> {
+    /// Packed output row of the initial networks, as input of [`Head`]: M = 2 I, χ = 0, constant damping.
+    pub fn inactive_output() -> Vec<f32> {
         let mut row = vec![0.0; PACKED];
-        row[PACKED - 1] = FIRST_DAMPING;
+        row[PACKED - 1] = INITIAL_DAMPING_BIAS;
         row
     }
 
-    /// The fabric's accelerations, shape (B, DOF), from the networks' outputs.
+    /// Accelerations of the fabric (rad/s²), shape (B, DOF), from the packed outputs (B, PACKED).
     pub fn resolve(packed: &Tensor, states: &[JointState]) -> Result<Tensor> {
         let qd: Vec<f32> = states.iter().flat_map(|s| s.qd.iter().map(|x| *x as f32)).collect();
         let qd = Tensor::from_vec(qd, (states.len(), DOF), &Device::Cpu)?;
@@ -140,121 +148,122 @@ impl Ngf {
         z: &[&[f32]],
     ) -> Result<Tensor> {
         let features = self.features(part, states, z)?;
-        Ok(mlp(&features.tensor(), params, PARTS[part].name, LAYERS, Activation::Elu)?)
+        Ok(mlp(&features.tensor(), params, SUBNETWORKS[part].name, NUM_LAYERS, Activation::Elu)?)
     }
 
-    /// The features of one of the networks.
-    fn features(&self, part: usize, states: &[JointState], z: &[&[f32]]) -> Result<Features> {
+    /// Fourier features of the inputs of one network.
+    fn features(&self, part: usize, states: &[JointState], z: &[&[f32]]) -> Result<FeatureBatch> {
         let (fourier, frequencies) = &self.fourier[part];
-        let mut x = Vec::with_capacity(states.len() * fourier.inputs);
+        let mut x = Vec::with_capacity(states.len() * fourier.num_inputs);
         for (state, z) in states.iter().zip(z) {
-            x.extend(inputs(&PARTS[part], &self.limits, state, z));
+            x.extend(inputs(&SUBNETWORKS[part], &self.limits, state, z));
         }
-        let x = Tensor::from_vec(x, (states.len(), fourier.inputs), &Device::Cpu)?;
-        Ok(Features::of(&x.matmul(frequencies)?)?)
+        let x = Tensor::from_vec(x, (states.len(), fourier.num_inputs), &Device::Cpu)?;
+        Ok(FeatureBatch::from_phases(&x.matmul(frequencies)?)?)
     }
 
-    /// ∂ψ/∂q, shape (B, DOF): back through the layers, the features and the normalisation.
+    /// ∂ψ/∂q, shape (B, DOF): vector-Jacobian products of the layers, the features and the normalisation.
     fn potential_gradient(
         &self,
         params: &Params,
         states: &[JointState],
         z: &[&[f32]],
     ) -> Result<Tensor> {
-        let name = PARTS[POTENTIAL].name;
+        let name = SUBNETWORKS[POTENTIAL].name;
         let features = self.features(POTENTIAL, states, z)?;
         let mut hidden = vec![features.tensor()];
-        for layer in 0..LAYERS - 1 {
+        for layer in 0..NUM_LAYERS - 1 {
             let name = format!("{name}.{layer}");
-            hidden.push(dense(&hidden[layer], params, &name, Some(Activation::Elu))?);
+            hidden.push(linear(&hidden[layer], params, &name, Some(Activation::Elu))?);
         }
-        let last = params.tensor(&format!("{name}.{}.weight", LAYERS - 1))?;
-        // The same in each row, as a product: it knows its gradient, and takes no time.
+        let last = params.tensor(&format!("{name}.{}.weight", NUM_LAYERS - 1))?;
+        // Repeats the weights in each row as a product, which is differentiable at negligible cost.
         let each = Tensor::ones((states.len(), 1), DType::F32, &Device::Cpu)?;
         let mut gradient = each.matmul(&last.t()?)?;
-        for layer in (0..LAYERS - 1).rev() {
-            let (weight, slot) = params.weight(&format!("{name}.{layer}.weight"))?;
-            gradient = gradient.apply_op2(&hidden[layer + 1], Gate)?;
-            gradient = gradient.apply_op2(&weight, Transposed { slot })?;
+        for layer in (0..NUM_LAYERS - 1).rev() {
+            let (weight, accumulator) = params.weight(&format!("{name}.{layer}.weight"))?;
+            gradient = gradient.apply_op2(&hidden[layer + 1], EluBackward)?;
+            gradient = gradient.apply_op2(&weight, MatmulNT { accumulator })?;
         }
-        let of_phases = features.pull_back(&gradient)?;
+        let of_phases = features.vjp(&gradient)?;
         let frequencies = self.fourier[POTENTIAL].1.narrow(0, 0, DOF)?.t()?;
         let of_network = of_phases.matmul(&frequencies)?.broadcast_mul(&self.slope)?;
-        let pulls: Vec<JointVector> =
-            states.iter().map(|s| (s.q - self.rest) * self.bowl).collect();
-        let bowl = pulls.iter().flat_map(|pull| pull.iter().map(|x| *x as f32)).collect();
-        Ok((of_network + Tensor::from_vec::<_, f32>(bowl, (states.len(), DOF), &Device::Cpu)?)?)
+        let base: Vec<JointVector> =
+            states.iter().map(|s| (s.q - self.potential_center) * self.base_stiffness).collect();
+        let base = base.iter().flat_map(|row| row.iter().map(|x| *x as f32)).collect();
+        Ok((of_network + Tensor::from_vec::<_, f32>(base, (states.len(), DOF), &Device::Cpu)?)?)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use policy::encoder::LATENT;
+    use policy::encoder::LATENT_DIM;
     use rand::SeedableRng;
-    use robot::Tree;
+    use robot::KinematicTree;
 
     #[test]
-    fn untrained_networks_say_what_is_said_for_them() {
-        let tree = Tree::iiwa7_allegro().unwrap();
+    fn initial_networks_return_the_inactive_output() {
+        let tree = KinematicTree::iiwa7_allegro().unwrap();
         let mut params = Params::default();
         let config = NgfConfig::tiny();
         init(&mut params, &config, &mut ChaCha8Rng::seed_from_u64(9)).unwrap();
-        let network = Ngf::new(&config, LATENT, &tree.limits).unwrap();
+        let network = Ngf::new(&config, LATENT_DIM, &tree.limits).unwrap();
         let state = JointState {
             q: JointVector::from_fn(|i, _| 0.1 * i as f64),
             qd: JointVector::from_element(0.3),
         };
-        let silence = Ngf::silence();
+        let inactive = Ngf::inactive_output();
         let mut end = 0;
-        for piece in network.pieces(Active::All) {
-            assert_eq!(piece.columns.start, end);
-            end = piece.columns.end;
-            let says = network.output(&params, &piece, &[state], &[&[0.5; LATENT]]).unwrap();
-            let says = says.to_vec2::<f32>().unwrap().remove(0);
-            let is_silent = says == silence[piece.columns.clone()];
-            assert_eq!(is_silent, network.pieces(Active::Potential) != [piece]);
+        for subnet in network.subnets(TrainableSet::All) {
+            assert_eq!(subnet.columns.start, end);
+            end = subnet.columns.end;
+            let output = network.output(&params, &subnet, &[state], &[&[0.5; LATENT_DIM]]).unwrap();
+            let output = output.to_vec2::<f32>().unwrap().remove(0);
+            let is_inactive = output == inactive[subnet.columns.clone()];
+            assert_eq!(is_inactive, network.subnets(TrainableSet::Potential) != [subnet]);
         }
         assert_eq!(end, PACKED);
     }
 
     #[test]
-    fn what_is_left_in_slots_is_what_the_tape_finds() {
-        let tree = Tree::iiwa7_allegro().unwrap();
+    fn accumulated_gradients_match_candle() {
+        let tree = KinematicTree::iiwa7_allegro().unwrap();
         let config = NgfConfig::tiny();
         let mut params = Params::default();
         init(&mut params, &config, &mut ChaCha8Rng::seed_from_u64(2)).unwrap();
         let wave = |k: usize| 0.2 * libm::sinf((k * k % 1013) as f32);
         params.set_values(&(0..params.count()).map(wave).collect::<Vec<_>>()).unwrap();
-        let network = Ngf::new(&config, LATENT, &tree.limits).unwrap();
+        let network = Ngf::new(&config, LATENT_DIM, &tree.limits).unwrap();
         let state = |k: usize| JointState {
             q: JointVector::from_fn(|i, _| libm::sin((3 * k + i) as f64)),
             qd: JointVector::from_fn(|i, _| libm::cos((k + 2 * i) as f64)),
         };
-        let (states, z) = ([state(0), state(1)], [0.3; LATENT]);
+        let (states, z) = ([state(0), state(1)], [0.3; LATENT_DIM]);
         let gradients = |params: &Params| {
-            let output = |piece| network.output(params, piece, &states, &[&z, &z]).unwrap();
-            let outputs: Vec<Tensor> = network.pieces(Active::All).iter().map(output).collect();
+            let output = |subnet| network.output(params, subnet, &states, &[&z, &z]).unwrap();
+            let outputs: Vec<Tensor> =
+                network.subnets(TrainableSet::All).iter().map(output).collect();
             let packed = Tensor::cat(&outputs, 1).unwrap().contiguous().unwrap();
-            let made = Ngf::resolve(&packed, &states).unwrap();
-            let store = made.sqr().unwrap().mean_all().unwrap().backward().unwrap();
+            let qdd = Ngf::resolve(&packed, &states).unwrap();
+            let store = qdd.sqr().unwrap().mean_all().unwrap().backward().unwrap();
             params.gradients(&store).unwrap()
         };
-        let (of_tape, of_slots) = (gradients(&params), gradients(&params.of_shard()));
-        for (name, (tape, slot)) in params.names().zip(of_tape.iter().zip(&of_slots)) {
+        let (reference, accumulated) = (gradients(&params), gradients(&params.with_accumulators()));
+        for (name, (expected, got)) in params.names().zip(reference.iter().zip(&accumulated)) {
             let values = |g: &Option<Tensor>| {
                 let flat = g.as_ref().map(|g| g.flatten_all().unwrap());
                 flat.map(|g| g.to_vec1::<f32>().unwrap())
             };
-            let (Some(tape), Some(slot)) = (values(tape), values(slot)) else {
-                // ψ itself is not needed: only its slope is.
+            let (Some(expected), Some(got)) = (values(expected), values(got)) else {
+                // ψ itself is not evaluated, only its gradient.
                 assert_eq!(name, "potential.3.bias");
-                assert!(tape.is_none() && slot.is_none());
+                assert!(expected.is_none() && got.is_none());
                 continue;
             };
-            let size = tape.iter().map(|g| g.abs()).fold(0.0, f32::max);
-            let off = tape.iter().zip(&slot).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
-            assert!(size > 0.0 && off <= 1e-5 * size, "{name}: {off} of {size}");
+            let size = expected.iter().map(|g| g.abs()).fold(0.0, f32::max);
+            let error = expected.iter().zip(&got).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+            assert!(size > 0.0 && error <= 1e-5 * size, "{name}: error {error} of {size}");
         }
     }
 }

@@ -1,75 +1,76 @@
-//! Jobs from outside: a server, the processes that it starts, and their violent ends.
+//! End-to-end tests of jobs: a server, its workers, and kills of both.
 
-#![allow(clippy::unwrap_used, reason = "a helper of a test fails by panicking too")]
+#![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
 
-mod described;
-mod proofs;
+mod openapi_conformance;
 mod server;
+mod stress;
 
 use serde_json::{Value, json};
-use server::{Server, is_alive, kill, made};
+use server::{Server, is_alive, job_outputs, kill};
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::{Duration, Instant};
 
-/// Twenty attempts of the planner take some seconds.
-fn attempts() -> Value {
+/// Parameters of an evaluation that takes some seconds.
+fn evaluation_params() -> Value {
     json!({ "model_id": "planner", "object": "sugar_box", "attempts": 20 })
 }
 
-/// From nothing to a policy, by the script in the documentation; gives the policy's folder.
-fn from_nothing(server: &Server, folder: &Path) -> PathBuf {
-    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/loop.sh");
+/// Runs the whole pipeline with the script of the documentation; returns the folder of the policy.
+fn run_pipeline(server: &Server, folder: &Path) -> PathBuf {
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/end_to_end.sh");
     let out = folder.join("model");
     let run = Command::new(script).arg(&server.url).arg(&out).output().unwrap();
-    let said = String::from_utf8_lossy(&run.stdout).into_owned();
-    assert!(run.status.success(), "{said}\n{}", String::from_utf8_lossy(&run.stderr));
-    assert!(said.contains("of   2 lifted"), "{said}");
+    let output = String::from_utf8_lossy(&run.stdout).into_owned();
+    assert!(run.status.success(), "{output}\n{}", String::from_utf8_lossy(&run.stderr));
+    assert!(output.contains("of   2 lifted"), "{output}");
     out
 }
 
 #[test]
-fn from_nothing_to_a_policy_with_curl_alone() {
+fn pipeline_runs_with_curl() {
     let folder = tempfile::tempdir().unwrap();
     let server = Server::start(&folder.path().join("data"));
-    let out = from_nothing(&server, folder.path());
+    let out = run_pipeline(&server, folder.path());
     let mut evaluate = Command::new(env!("CARGO_BIN_EXE_ngf"));
     evaluate.args(["evaluate", "--object", "sugar_box", "--attempts", "1", "--model"]).arg(&out);
     let evaluated = evaluate.output().unwrap();
     assert!(evaluated.status.success(), "{}", String::from_utf8_lossy(&evaluated.stderr));
-    described::assert_all_is_described(&server);
+    openapi_conformance::assert_all_endpoints_match_schema(&server);
     assert_all_can_be_deleted(&server, &folder.path().join("data"));
 }
 
-/// Jobs, models and dataset, until nothing is on the disk.
+/// Deletes all jobs, models and datasets, and checks that no files remain.
 fn assert_all_can_be_deleted(server: &Server, data: &Path) {
     let ids = |path: &str| -> Vec<String> {
         let list = server.get(path);
         let all = list["data"].as_array().unwrap().iter();
-        all.map(|one| one["id"].as_str().unwrap().to_owned()).collect()
+        all.map(|record| record["id"].as_str().unwrap().to_owned()).collect()
     };
     let dataset = &ids("/datasets")[0];
-    let training = server.ask("encoder.train", json!({ "dataset_id": dataset }));
-    assert_eq!(server.delete(&format!("/datasets/{dataset}")), 409, "a job works on it");
+    let training = server.create_job("encoder.train", json!({ "dataset_id": dataset }));
+    assert_eq!(server.delete(&format!("/datasets/{dataset}")), 409, "a job uses it");
     server.post(&format!("/jobs/{training}/cancel"), &json!({}));
     server.wait_for(&training, "cancelled");
     assert_eq!(server.delete(&format!("/datasets/{dataset}")), 204);
     assert_eq!(server.delete(&format!("/datasets/{dataset}")), 404);
-    assert_eq!(server.delete("/models/default"), 409, "it is the server's");
-    // In whichever order: a policy's job before its models, the encoder's after it.
+    assert_eq!(server.delete("/models/default"), 409, "bundled models are read-only");
+    // Jobs and models can be deleted in any order: the policy job before its models, the encoder job after
+    // its model.
     let is_of_policy = |job: &String| server.get(&format!("/jobs/{job}"))["kind"] == "policy.train";
     let (before, after): (Vec<_>, Vec<_>) = ids("/jobs").into_iter().partition(is_of_policy);
     assert!(!before.is_empty() && !after.is_empty());
-    let forget = |job: &String| {
+    let delete_job = |job: &String| {
         assert_eq!(server.delete(&format!("/jobs/{job}?artifacts=true")), 204);
     };
-    before.iter().for_each(forget);
+    before.iter().for_each(delete_job);
     for model in ids("/models").iter().filter(|id| id.starts_with("mdl_")) {
         assert_eq!(server.delete(&format!("/models/{model}")), 204);
         assert_eq!(server.delete(&format!("/models/{model}")), 404);
     }
-    after.iter().for_each(forget);
+    after.iter().for_each(delete_job);
     let files = |folder: &str| -> usize {
         let entries = std::fs::read_dir(data.join(folder)).unwrap();
         let inner = |path: PathBuf| std::fs::read_dir(path).unwrap().count();
@@ -79,87 +80,88 @@ fn assert_all_can_be_deleted(server: &Server, data: &Path) {
 }
 
 #[test]
-fn a_killed_process_and_a_killed_server_lose_nothing() {
+fn killed_worker_or_server_loses_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let data = folder.path().join("data");
     let mut server = Server::start(&data);
-    let whole = server.ask("policy.evaluate", attempts());
-    server.wait_for(&whole, "succeeded");
+    let reference = server.create_job("policy.evaluate", evaluation_params());
+    server.wait_for(&reference, "succeeded");
 
-    // The process alone.
-    let id = server.ask("policy.evaluate", attempts());
+    // Kill only the worker.
+    let id = server.create_job("policy.evaluate", evaluation_params());
     server.wait_for_progress(&id);
     let pid = server.get(&format!("/jobs/{id}"))["worker"]["pid"].as_u64().unwrap();
     kill(pid);
     let job = server.wait_for(&id, "succeeded");
     assert_eq!(job["attempt"], 2, "{job}");
-    assert_eq!(made(&server, &id), made(&server, &whole));
+    assert_eq!(job_outputs(&server, &id), job_outputs(&server, &reference));
 
-    // The server alone: its process goes on, and reports to the next one.
-    let id = server.ask("policy.evaluate", attempts());
+    // Kill only the server. Its worker continues and reports to the next server.
+    let id = server.create_job("policy.evaluate", evaluation_params());
     server.wait_for_progress(&id);
-    server = server.killed_and_started(&data);
+    server = server.kill_and_restart(&data);
     let job = server.wait_for(&id, "succeeded");
     assert_eq!(job["attempt"], 1, "{job}");
-    assert_eq!(made(&server, &id), made(&server, &whole));
+    assert_eq!(job_outputs(&server, &id), job_outputs(&server, &reference));
 
-    // Both.
-    let id = server.ask("policy.evaluate", attempts());
+    // Kill worker and server.
+    let id = server.create_job("policy.evaluate", evaluation_params());
     server.wait_for_progress(&id);
     let pid = server.get(&format!("/jobs/{id}"))["worker"]["pid"].as_u64().unwrap();
     kill(pid);
-    server = server.killed_and_started(&data);
+    server = server.kill_and_restart(&data);
     server.wait_for(&id, "succeeded");
-    assert_eq!(made(&server, &id), made(&server, &whole));
-    let ended = |event: &Value| event["type"] == "status" && event["data"]["status"] == "succeeded";
-    assert_eq!(server.events(&id).iter().filter(|event| ended(event)).count(), 1);
+    assert_eq!(job_outputs(&server, &id), job_outputs(&server, &reference));
+    let is_success =
+        |event: &Value| event["type"] == "status" && event["data"]["status"] == "succeeded";
+    assert_eq!(server.events(&id).iter().filter(|event| is_success(event)).count(), 1);
 }
 
 #[test]
-fn a_job_stops_within_a_second_and_goes_on_where_it_was() {
+fn job_stops_within_a_second_and_resumes() {
     let folder = tempfile::tempdir().unwrap();
     let server = Server::start(&folder.path().join("data"));
-    let id = server.ask("dataset.generate", json!({ "preset": "smoke" }));
+    let id = server.create_job("dataset.generate", json!({ "preset": "smoke" }));
     server.wait_for_progress(&id);
     let pid = server.get(&format!("/jobs/{id}"))["worker"]["pid"].as_u64().unwrap();
-    let began = Instant::now();
+    let start = Instant::now();
     server.post(&format!("/jobs/{id}/pause"), &json!({}));
     server.wait_for(&id, "paused");
-    assert!(began.elapsed() < Duration::from_secs(1), "{:?}", began.elapsed());
+    assert!(start.elapsed() < Duration::from_secs(1), "{:?}", start.elapsed());
     assert!(!is_alive(pid));
     server.post(&format!("/jobs/{id}/resume"), &json!({}));
     server.wait(&id, |job| job["status"] == "running" && job["worker"]["pid"] != pid);
-    let began = Instant::now();
+    let start = Instant::now();
     server.post(&format!("/jobs/{id}/cancel"), &json!({}));
     server.wait_for(&id, "cancelled");
-    assert!(began.elapsed() < Duration::from_secs(1), "{:?}", began.elapsed());
+    assert!(start.elapsed() < Duration::from_secs(1), "{:?}", start.elapsed());
     server.post(&format!("/jobs/{id}/retry"), &json!({}));
     let job = server.wait_for(&id, "succeeded");
-    // As a dataset that was made in one go.
-    let again = server.ask("dataset.generate", json!({ "preset": "smoke", "threads": 1 }));
+    // Equal to a dataset from an uninterrupted job.
+    let again = server.create_job("dataset.generate", json!({ "preset": "smoke", "threads": 1 }));
     let again = server.wait_for(&again, "succeeded");
     assert_eq!(job["outputs"]["dataset_id"], again["outputs"]["dataset_id"]);
 }
 
 #[test]
-fn a_stream_that_breaks_off_twenty_times_misses_nothing() {
+fn stream_misses_no_event_after_twenty_disconnects() {
     let folder = tempfile::tempdir().unwrap();
     let server = Server::start(&folder.path().join("data"));
-    let id = server.ask("policy.evaluate", attempts());
+    let id = server.create_job("policy.evaluate", evaluation_params());
     let mut seen: Vec<Value> = Vec::new();
     let mut is_over = false;
     for connection in 0.. {
         assert!(connection < 2000);
         let last = seen.last().map_or(0, |event| event["seq"].as_i64().unwrap());
         let url = format!("{}/api/v1/jobs/{id}/stream", server.url);
-        let answer = ureq::get(url).header("Last-Event-ID", last.to_string()).call().unwrap();
-        if answer.status() == 204 {
+        let response = ureq::get(url).header("Last-Event-ID", last.to_string()).call().unwrap();
+        if response.status() == 204 {
             break;
         }
-        // The first connections break off after one event each.
-        let most = if connection < 20 { 1 } else { usize::MAX };
+        // The first connections disconnect after one event each.
+        let max_events = if connection < 20 { 1 } else { usize::MAX };
         let mut read = 0;
-        for line in BufReader::new(answer.into_body().into_reader()).lines() {
+        for line in BufReader::new(response.into_body().into_reader()).lines() {
             let line = line.unwrap();
             if line == "event: done" {
                 is_over = true;
@@ -168,7 +170,7 @@ fn a_stream_that_breaks_off_twenty_times_misses_nothing() {
                 seen.push(serde_json::from_str(data).unwrap());
                 read += 1;
             }
-            if read == most {
+            if read == max_events {
                 break;
             }
         }
@@ -179,31 +181,31 @@ fn a_stream_that_breaks_off_twenty_times_misses_nothing() {
 }
 
 #[test]
-fn a_server_that_is_told_to_end_does_so_with_streams_open() {
+fn server_shuts_down_with_open_streams() {
     let folder = tempfile::tempdir().unwrap();
     let data = folder.path().join("data");
     let mut server = Server::start(&data);
-    let id = server.ask("policy.evaluate", attempts());
+    let id = server.create_job("policy.evaluate", evaluation_params());
     server.wait_for_progress(&id);
     let read = |server: &Server, after: i64| {
         let url = format!("{}/api/v1/jobs/{id}/stream", server.url);
-        let answer = ureq::get(url).header("Last-Event-ID", after.to_string()).call().unwrap();
-        BufReader::new(answer.into_body().into_reader()).lines()
+        let response = ureq::get(url).header("Last-Event-ID", after.to_string()).call().unwrap();
+        BufReader::new(response.into_body().into_reader()).lines()
     };
     let events = |line: String| -> Option<Value> {
         let event: Value = serde_json::from_str(line.strip_prefix("data: ")?).ok()?;
         event["seq"].is_i64().then_some(event)
     };
     let lines = read(&server, 0);
-    let began = Instant::now();
+    let start = Instant::now();
     server.terminate();
-    // The stream ends with the server: cut off, as far as this reader can tell.
+    // The stream ends with the server, without a regular end for the reader.
     let mut seen: Vec<Value> = lines.map_while(Result::ok).filter_map(events).collect();
-    assert!(server.ended().success());
-    assert!(began.elapsed() < Duration::from_secs(5), "{:?}", began.elapsed());
+    assert!(server.wait_for_exit().success());
+    assert!(start.elapsed() < Duration::from_secs(5), "{:?}", start.elapsed());
     let last = seen.last().map_or(0, |event| event["seq"].as_i64().unwrap());
 
-    // Nothing is missed and nothing comes twice from the server after it.
+    // The next server sends every remaining event exactly once.
     let server = Server::start(&data);
     seen.extend(read(&server, last).map_while(Result::ok).filter_map(events));
     server.wait_for(&id, "succeeded");
@@ -211,61 +213,61 @@ fn a_server_that_is_told_to_end_does_so_with_streams_open() {
 }
 
 #[test]
-fn a_job_that_another_server_began_stops_as_soon() {
+fn job_of_previous_server_stops_within_seconds() {
     let folder = tempfile::tempdir().unwrap();
     let data = folder.path().join("data");
     let server = Server::start(&data);
     let params = json!({ "model_id": "planner", "object": "sugar_box", "attempts": 5000 });
-    let id = server.ask("policy.evaluate", params);
+    let id = server.create_job("policy.evaluate", params);
     server.wait_for_progress(&id);
-    let server = server.killed_and_started(&data);
+    let server = server.kill_and_restart(&data);
     let pid = server.get(&format!("/jobs/{id}"))["worker"]["pid"].as_u64().unwrap();
     let done = |job: &Value| job["progress"]["completed"].as_f64().unwrap_or_default();
     let before = done(&server.get(&format!("/jobs/{id}")));
-    // Its process has found the new server.
+    // The worker has reported to the new server.
     server.wait(&id, |job| done(job) > before);
-    let began = Instant::now();
+    let start = Instant::now();
     server.post(&format!("/jobs/{id}/cancel"), &json!({}));
     server.wait_for(&id, "cancelled");
-    assert!(began.elapsed() < Duration::from_secs(2), "{:?}", began.elapsed());
+    assert!(start.elapsed() < Duration::from_secs(2), "{:?}", start.elapsed());
     while is_alive(pid) {
-        assert!(began.elapsed() < Duration::from_secs(5), "its process lives on");
+        assert!(start.elapsed() < Duration::from_secs(5), "the worker is still running");
         std::thread::sleep(Duration::from_millis(50));
     }
 }
 
 #[test]
-fn a_mesh_is_split_into_its_convex_parts() {
+fn mesh_job_writes_convex_parts() {
     let folder = tempfile::tempdir().unwrap();
     let server = Server::start(&folder.path().join("data"));
-    let mesh = server.upload(&proofs::tetrahedron(0.1));
-    let id = server.ask("mesh.prepare", json!({ "mesh_id": mesh }));
+    let mesh = server.upload(&stress::tetrahedron(0.1));
+    let id = server.create_job("mesh.prepare", json!({ "mesh_id": mesh }));
     let job = server.wait_for(&id, "succeeded");
     assert_eq!(job["params"], json!({ "mesh_id": mesh }));
-    let names: Vec<String> = made(&server, &id).into_iter().map(|(name, _)| name).collect();
+    let names: Vec<String> = job_outputs(&server, &id).into_iter().map(|(name, _)| name).collect();
     assert!(names.contains(&"parts.obj".to_owned()), "{names:?}");
 }
 
 #[test]
-fn what_jobs_made_can_be_looked_into() {
+fn job_outputs_can_be_inspected() {
     let folder = tempfile::tempdir().unwrap();
     let server = Server::start(&folder.path().join("data"));
-    // Whoever listens to all jobs hears of those that come.
+    // The stream of all jobs includes later jobs.
     let all = ureq::get(format!("{}/api/v1/stream", server.url)).call().unwrap();
     let mut all = BufReader::new(all.into_body().into_reader()).lines();
-    let made = server.ask("dataset.generate", json!({ "preset": "smoke" }));
+    let generated = server.create_job("dataset.generate", json!({ "preset": "smoke" }));
     let params = json!({ "model_id": "default", "object": "sugar_box", "attempts": 1, "seed": 3 });
-    let evaluated = server.ask("policy.evaluate", params);
-    let job = server.wait_for(&made, "succeeded");
+    let evaluated = server.create_job("policy.evaluate", params);
+    let job = server.wait_for(&generated, "succeeded");
     let id = job["outputs"]["dataset_id"].as_str().unwrap();
-    let ended = |line: String| {
+    let is_generated = |line: String| {
         let event: Value = serde_json::from_str(line.strip_prefix("data: ")?).ok()?;
-        (event["job"] == made && event["data"]["status"] == "succeeded").then_some(())
+        (event["job"] == generated && event["data"]["status"] == "succeeded").then_some(())
     };
-    all.find_map(|line| ended(line.unwrap())).unwrap();
+    all.find_map(|line| is_generated(line.unwrap())).unwrap();
 
     let record = server.get(&format!("/datasets/{id}"));
-    let kept = record["summary"]["sugar_box"]["fates"]["kept"].as_u64().unwrap();
+    let kept = record["summary"]["sugar_box"]["outcomes"]["kept"].as_u64().unwrap();
     let mut entries: Vec<Value> = Vec::new();
     loop {
         let after =
@@ -282,7 +284,10 @@ fn what_jobs_made_can_be_looked_into() {
     assert_eq!(other["data"], json!([]));
     let last = entries.last().unwrap();
     let episode = server.get(&format!("/datasets/{id}/episodes/{}", kept - 1));
-    assert_eq!((&episode["pose"], &episode["name"]), (&last["pose"], &last["object"]));
+    assert_eq!(
+        (&episode["object_pose"], &episode["object_name"]),
+        (&last["pose"], &last["object"])
+    );
     assert!(
         episode["states"].as_array().unwrap().iter().all(|row| row.as_array().unwrap().len() == 46)
     );
@@ -296,25 +301,25 @@ fn what_jobs_made_can_be_looked_into() {
 }
 
 #[test]
-fn a_second_server_on_the_same_folder_is_refused() {
+fn second_server_on_same_folder_is_rejected() {
     let folder = tempfile::tempdir().unwrap();
     let data = folder.path().join("data");
     let _server = Server::start(&data);
     let second = Command::new(env!("CARGO_BIN_EXE_ngf"))
-        .args(["serve", "--port", "0", "--data"])
+        .args(["serve", "--port", "0", "--data-dir"])
         .arg(&data)
         .output()
         .unwrap();
-    let said = String::from_utf8_lossy(&second.stderr).into_owned();
-    assert!(!second.status.success() && said.contains("in use by another server"), "{said}");
+    let output = String::from_utf8_lossy(&second.stderr).into_owned();
+    assert!(!second.status.success() && output.contains("in use by another server"), "{output}");
 }
 
 #[test]
-fn an_address_that_others_reach_needs_a_token() {
+fn public_address_needs_token() {
     let folder = tempfile::tempdir().unwrap();
-    let serve = |words: &[&str]| {
+    let serve = |options: &[&str]| {
         let mut command = Command::new(env!("CARGO_BIN_EXE_ngf"));
-        command.args(["serve", "--port", "0", "--bind", "0.0.0.0"]).args(words);
+        command.args(["serve", "--port", "0", "--bind", "0.0.0.0"]).args(options);
         let output = command.output().unwrap();
         assert!(!output.status.success());
         String::from_utf8_lossy(&output.stderr).into_owned()
@@ -328,14 +333,14 @@ fn an_address_that_others_reach_needs_a_token() {
 }
 
 #[test]
-fn no_token_is_written_down() {
+fn logs_contain_no_tokens() {
     let folder = tempfile::tempdir().unwrap();
     let (data, log) = (folder.path().join("data"), folder.path().join("log"));
     let token = "0123456789abcdef-the-operator's";
     let token_file = folder.path().join("token");
     std::fs::write(&token_file, token).unwrap();
     let mut serve = Command::new(env!("CARGO_BIN_EXE_ngf"));
-    serve.args(["serve", "--port", "0", "--log", "json", "--data"]).arg(&data);
+    serve.args(["serve", "--port", "0", "--log", "json", "--data-dir"]).arg(&data);
     serve.arg("--token-file").arg(&token_file).env("NGF_LOG", "trace");
     let server = Server::spawn(serve.stderr(std::fs::File::create(&log).unwrap()));
     let evaluation =
@@ -347,18 +352,19 @@ fn no_token_is_written_down() {
     let id = job["id"].as_str().unwrap();
     server.wait_for(id, "succeeded");
     let work = data.join("work").join(id);
-    let told: Value =
-        serde_json::from_slice(&std::fs::read(work.join("job.json")).unwrap()).unwrap();
+    let worker_config: Value =
+        serde_json::from_slice(&std::fs::read(work.join("worker.json")).unwrap()).unwrap();
     let text = std::fs::read_to_string(&log).unwrap();
-    let said = std::fs::read_to_string(work.join("log.txt")).unwrap();
+    let output = std::fs::read_to_string(work.join("log.txt")).unwrap();
     let events = json!(server.events(id)).to_string();
-    for secret in [token, told["token"].as_str().unwrap()] {
-        assert!(secret.len() > 16 && !text.contains(secret), "in the server's log");
-        assert!(!said.contains(secret) && !events.contains(secret), "in the job's log");
+    for secret in [token, worker_config["token"].as_str().unwrap()] {
+        assert!(secret.len() > 16 && !text.contains(secret), "token in the server log");
+        assert!(!output.contains(secret) && !events.contains(secret), "token in the job log");
     }
     let lines: Vec<Value> =
         text.lines().map(|line| serde_json::from_str(line).expect(line)).collect();
-    let answered = |line: &&Value| line["message"] == "answered" && line["method"] == "POST";
-    let asked = lines.iter().find(answered).unwrap();
-    assert_eq!((&asked["path"], &asked["status"]), (&json!("/api/v1/jobs"), &json!(201)));
+    let is_post_response =
+        |line: &&Value| line["message"] == "response" && line["method"] == "POST";
+    let logged = lines.iter().find(is_post_response).unwrap();
+    assert_eq!((&logged["path"], &logged["status"]), (&json!("/api/v1/jobs"), &json!(201)));
 }

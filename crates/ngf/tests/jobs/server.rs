@@ -1,13 +1,13 @@
-//! A server to ask, with whatever it started.
+//! A server process for tests, and its HTTP client.
 
-use crate::described::assert_is_described;
+use crate::openapi_conformance::assert_matches_schema;
 use serde_json::{Value, json};
 use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
-/// A server on a port of its own, killed when it is dropped.
+/// A server on a free port, killed on drop.
 pub(crate) struct Server {
     process: Child,
     pub(crate) url: String,
@@ -18,8 +18,8 @@ impl Server {
         Self::start_at("0", data)
     }
 
-    /// Kills it and starts another one at the same address.
-    pub(crate) fn killed_and_started(self, data: &Path) -> Self {
+    /// Kills the server and starts another one at the same address.
+    pub(crate) fn kill_and_restart(self, data: &Path) -> Self {
         let port = self.url.rsplit(':').next().unwrap().to_owned();
         drop(self);
         Self::start_at(&port, data)
@@ -28,7 +28,7 @@ impl Server {
     pub(crate) fn start_at(port: &str, data: &Path) -> Self {
         let mut serve = Command::new(env!("CARGO_BIN_EXE_ngf"));
         let models = concat!(env!("CARGO_MANIFEST_DIR"), "/../../models");
-        serve.args(["serve", "--port", port, "--models", models, "--data"]);
+        serve.args(["serve", "--port", port, "--models-dir", models, "--data-dir"]);
         Self::spawn(serve.arg(data))
     }
 
@@ -45,67 +45,67 @@ impl Server {
     }
 
     pub(crate) fn get(&self, path: &str) -> Value {
-        self.get_whole(&format!("/api/v1{path}"))
+        self.get_path(&format!("/api/v1{path}"))
     }
 
-    /// What is at a path of the server, checked against its description.
-    pub(crate) fn get_whole(&self, path: &str) -> Value {
+    /// GET of a server path, validated against the OpenAPI description.
+    pub(crate) fn get_path(&self, path: &str) -> Value {
         let url = format!("{}{path}", self.url);
-        let answer = ureq::get(url).call().unwrap_or_else(|error| panic!("{path}: {error}"));
-        let answer = answer.into_body().read_json().unwrap();
-        assert_is_described("get", path, &answer);
-        answer
+        let response = ureq::get(url).call().unwrap_or_else(|error| panic!("{path}: {error}"));
+        let body = response.into_body().read_json().unwrap();
+        assert_matches_schema("get", path, &body);
+        body
     }
 
-    pub(crate) fn post(&self, path: &str, body: &Value) -> Value {
+    pub(crate) fn post(&self, path: &str, request: &Value) -> Value {
         let path = format!("/api/v1{path}");
-        let answer = ureq::post(format!("{}{path}", self.url)).send_json(body);
-        let answer = answer.unwrap().body_mut().read_json().unwrap();
-        assert_is_described("post", &path, &answer);
-        answer
+        let response = ureq::post(format!("{}{path}", self.url)).send_json(request);
+        let body = response.unwrap().body_mut().read_json().unwrap();
+        assert_matches_schema("post", &path, &body);
+        body
     }
 
-    /// Deletes something; gives the status of the answer.
+    /// Sends DELETE; returns the status code.
     pub(crate) fn delete(&self, path: &str) -> u16 {
         let agent = ureq::Agent::config_builder().http_status_as_error(false).build().new_agent();
         agent.delete(format!("{}/api/v1{path}", self.url)).call().unwrap().status().as_u16()
     }
 
-    /// Tells it to end.
+    /// Sends SIGTERM.
     pub(crate) fn terminate(&self) {
-        let told = Command::new("kill").arg(self.pid().to_string()).status();
-        assert!(told.unwrap().success());
+        let signalled = Command::new("kill").arg(self.pid().to_string()).status();
+        assert!(signalled.unwrap().success());
     }
 
-    /// Waits for its end.
-    pub(crate) fn ended(&mut self) -> ExitStatus {
+    /// Waits for the exit of the process.
+    pub(crate) fn wait_for_exit(&mut self) -> ExitStatus {
         self.process.wait().unwrap()
     }
 
-    /// Uploads a mesh; gives its id.
+    /// Uploads a mesh; returns its id.
     pub(crate) fn upload(&self, obj: &str) -> Value {
         let url = format!("{}/api/v1/meshes?name=mesh.obj", self.url);
         let mesh: Value = ureq::post(url).send(obj).unwrap().body_mut().read_json().unwrap();
-        assert_is_described("post", "/api/v1/meshes", &mesh);
+        assert_matches_schema("post", "/api/v1/meshes", &mesh);
         mesh["id"].clone()
     }
 
-    /// Asks for a job; gives its id.
-    pub(crate) fn ask(&self, kind: &str, params: Value) -> String {
+    /// Creates a job; returns its id.
+    pub(crate) fn create_job(&self, kind: &str, params: Value) -> String {
         let job = self.post("/jobs", &json!({ "kind": kind, "params": params }));
         assert_eq!(job["status"], "queued", "{job}");
         job["id"].as_str().unwrap().to_owned()
     }
 
-    /// The job once `is_so` holds.
-    pub(crate) fn wait(&self, id: &str, is_so: impl Fn(&Value) -> bool) -> Value {
-        let began = Instant::now();
+    /// Polls the job until the condition holds.
+    pub(crate) fn wait(&self, id: &str, condition: impl Fn(&Value) -> bool) -> Value {
+        let start = Instant::now();
         loop {
             let job = self.get(&format!("/jobs/{id}"));
-            if is_so(&job) {
+            if condition(&job) {
                 return job;
             }
-            assert!(began.elapsed() < Duration::from_secs(240), "{job}");
+            assert!(start.elapsed() < Duration::from_secs(240), "{job}");
             std::thread::sleep(Duration::from_millis(50));
         }
     }
@@ -117,7 +117,7 @@ impl Server {
         })
     }
 
-    /// Waits until the job has come further than before.
+    /// Waits until the job reports progress.
     pub(crate) fn wait_for_progress(&self, id: &str) {
         self.wait(id, |job| job["progress"]["completed"].as_f64().is_some_and(|done| done > 0.0));
     }
@@ -142,25 +142,25 @@ impl Drop for Server {
     }
 }
 
-/// Ends a process as the kernel does that needs its memory.
+/// Sends SIGKILL, as the kernel does when memory is exhausted.
 pub(crate) fn kill(pid: u64) {
     assert!(Command::new("kill").args(["-9", &pid.to_string()]).status().unwrap().success());
 }
 
-/// Whether a process is at work.
+/// Whether a process is running.
 pub(crate) fn is_alive(pid: u64) -> bool {
     let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).unwrap_or_default();
     stat.split(' ').nth(2).is_some_and(|state| state != "Z")
 }
 
-/// The ids and hashes of what a job made, but for its log, which has times.
-pub(crate) fn made(server: &Server, id: &str) -> Vec<(String, String)> {
+/// Ids and hashes of the outputs of a job, except for logs, which contain times.
+pub(crate) fn job_outputs(server: &Server, id: &str) -> Vec<(String, String)> {
     let outputs = server.get(&format!("/jobs/{id}"))["outputs"].clone();
     let ids = ["dataset_id", "model_id"].map(|name| (name.to_owned(), outputs[name].to_string()));
     let artifacts = server.get(&format!("/jobs/{id}/artifacts"));
     let text = |artifact: &Value, name: &str| artifact[name].as_str().unwrap().to_owned();
     let all = artifacts["data"].as_array().unwrap().iter();
-    all.map(|one| (text(one, "name"), text(one, "hash")))
+    all.map(|artifact| (text(artifact, "name"), text(artifact, "hash")))
         .filter(|(name, _)| !name.ends_with(".txt") && !name.ends_with(".jsonl"))
         .chain(ids)
         .collect()

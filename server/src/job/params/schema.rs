@@ -1,17 +1,18 @@
-//! How the server's own description has parameters that a derived one could not tell.
+//! OpenAPI schemas of job parameters that cannot be derived: enumerated names and their descriptions.
 
 use super::{
-    DatasetParams, EncoderParams, EvaluationParams, MeshParams, PolicyParams, first_policy, full,
-    small,
+    DatasetParams, EncoderParams, EvaluationParams, MeshParams, PolicyParams,
+    default_dataset_preset, default_policy, default_training_preset,
 };
 use dataset::config::PRESETS;
-use policy::network::POLICIES;
+use policy::network::POLICY_NAMES;
 use utoipa::ToSchema;
 use utoipa::openapi::Ref;
 use utoipa::openapi::schema::{AnyOfBuilder, ObjectBuilder, Schema, SchemaType, Type};
 
-/// Parameters of a job of whichever kind: any of these and not one of them, because a mesh alone fits a dataset, too.
-pub(crate) fn any() -> Schema {
+/// Parameters of any job kind. `anyOf` instead of `oneOf`, because mesh parameters also match the dataset
+/// schema.
+pub(crate) fn any_params() -> Schema {
     let kinds = [
         MeshParams::name(),
         PolicyParams::name(),
@@ -19,44 +20,45 @@ pub(crate) fn any() -> Schema {
         EvaluationParams::name(),
         DatasetParams::name(),
     ];
-    let any = AnyOfBuilder::new().description(Some("What it was told, with everything filled in."));
+    let any = AnyOfBuilder::new().description(Some("Parameters with defaults filled in."));
     kinds.into_iter().fold(any, |any, name| any.item(Ref::from_schema_name(name))).into()
 }
 
-/// Presets with their sizes in words.
-pub(super) fn presets() -> Schema {
-    let words = PRESETS.map(|(name, size)| format!("`{name}`: {size}"));
-    let text = format!("Name of its sizes. {}.", words.join("; "));
-    one_of(PRESETS.map(|(name, _)| name))
-        .default(Some(small().into()))
+/// Dataset presets, with a description of their sizes.
+pub(super) fn dataset_presets() -> Schema {
+    let sizes = PRESETS.map(|(name, size)| format!("`{name}`: {size}"));
+    let text = format!("Preset that sets the size of the dataset. {}.", sizes.join("; "));
+    string_enum(PRESETS.map(|(name, _)| name))
+        .default(Some(default_dataset_preset().into()))
         .description(Some(text))
         .into()
 }
 
-/// The same names, of how long something is trained.
-pub(super) fn courses() -> Schema {
-    let text = "Name of its sizes, as of a dataset's: where they are not given, steps, batch, rate and checkpoint are its.";
-    one_of(PRESETS.map(|(name, _)| name))
-        .default(Some(full().into()))
+/// Training presets; the names are those of the dataset presets.
+pub(super) fn training_presets() -> Schema {
+    let text = "Preset that supplies steps, batch size, learning rate and checkpoint interval where they are \
+        not given.";
+    string_enum(PRESETS.map(|(name, _)| name))
+        .default(Some(default_training_preset().into()))
         .description(Some(text))
         .into()
 }
 
-/// The policies that are compared.
+/// Policy architectures.
 pub(super) fn policies() -> Schema {
-    let text = "Which of the policies that are compared.";
-    one_of(POLICIES).default(Some(first_policy().into())).description(Some(text)).into()
+    let text = "Policy architecture.";
+    string_enum(POLICY_NAMES).default(Some(default_policy().into())).description(Some(text)).into()
 }
 
-/// An object has other proportions as `bleach.3`, so that these are not all.
+/// Names of built-in objects as examples; shape variants such as `bleach.3` are also accepted.
 pub(super) fn objects() -> Schema {
-    let names = geometry::catalog::CATALOG.iter().map(|entry| entry.name);
-    let kind = SchemaType::from_iter([Type::String, Type::Null]);
-    let described = ObjectBuilder::new().schema_type(kind).examples(names);
-    described.description(Some("Name of a built-in object.")).into()
+    let names = objects::catalog::CATALOG.iter().map(|entry| entry.name);
+    let string_or_null = SchemaType::from_iter([Type::String, Type::Null]);
+    let object = ObjectBuilder::new().schema_type(string_or_null).examples(names);
+    object.description(Some("Built-in object.")).into()
 }
 
-/// A text of which only these are meant.
-fn one_of(names: impl IntoIterator<Item = &'static str>) -> ObjectBuilder {
-    ObjectBuilder::new().schema_type(Type::String).enum_values(Some(names))
+/// String restricted to these values.
+fn string_enum(values: impl IntoIterator<Item = &'static str>) -> ObjectBuilder {
+    ObjectBuilder::new().schema_type(Type::String).enum_values(Some(values))
 }

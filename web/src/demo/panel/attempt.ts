@@ -1,13 +1,13 @@
-// The attempt: its buttons, its phases, what it came to, and how attempts came out so far.
+// Attempt section: buttons, phases, outcome and tally.
 
 import { element } from "../../common/dom";
 import { percent } from "../../common/numbers";
-import type { Frame, Model, Phase, Played, Tally, Verdict } from "../protocol";
+import type { Frame, Model, Outcome, Phase, PlaybackInfo, Tally } from "../protocol";
 import { ATTEMPT, TALLY } from "../strings";
 
 export interface AttemptEvents {
   grasp(seed: number): void;
-  pose(seed: number): void;
+  placeBySeed(seed: number): void;
 }
 
 export class AttemptPanel {
@@ -18,50 +18,49 @@ export class AttemptPanel {
   readonly #grasp = element("grasp", HTMLButtonElement);
   readonly #newPose = element("new-pose", HTMLButtonElement);
   readonly #seed = element("seed", HTMLInputElement);
-  readonly #hash = element("hash", HTMLElement);
-  #verdict: Verdict | null = null;
+  readonly #note = element("hash", HTMLElement);
+  #outcome: Outcome | null = null;
   #phase: Phase | null = null;
-  #played: Played | null = null;
-  // The seed that the pose on the table was drawn from.
+  #playback: PlaybackInfo | null = null;
+  // Seed from which the current object pose was sampled.
   #poseSeed = 0;
   #hasObject = false;
-  // Who closes the hand, once that is known.
+  // Known once the worker has reported its model.
   #actor: "policy" | "planner" | null = null;
 
   constructor(events: AttemptEvents) {
     this.#events = events;
     this.#grasp.addEventListener("click", () => this.grasp());
     this.#newPose.addEventListener("click", () => this.newPose());
-    this.#seed.addEventListener("change", () => this.#drawPose());
-    // A seed that is already there draws its pose too, when it is confirmed.
+    this.#seed.addEventListener("change", () => this.#placeBySeed());
+    // An unchanged seed fires no change event, but Enter places the object again.
     this.#seed.addEventListener("keydown", (event) => {
-      if (event.key === "Enter") this.#drawPose();
+      if (event.key === "Enter") this.#placeBySeed();
     });
   }
 
-  // There is an object to grasp, and perhaps it has been tried.
+  // `tally`: earlier attempts with this object.
   hasObject(tally: Tally): void {
     this.#hasObject = true;
-    this.#hash.hidden = true;
+    this.#note.hidden = true;
     showTally(tally);
     this.#enable();
   }
 
-  // Nothing can be tried until there is an object and somebody who acts.
+  // Disables the buttons until an object and a model are reported.
   stop(headline: string): void {
     this.#hasObject = false;
-    // Whatever phase comes next is told anew.
+    // Resets the phase, so that the next frame updates the headline.
     [this.#actor, this.#phase] = [null, null];
     this.#enable();
     this.#headline.textContent = headline;
   }
 
-  // It is known who acts.
-  showModel({ id, words, tally }: Model): void {
+  showModel({ id, text, tally }: Model): void {
     this.#actor = id === null ? "planner" : "policy";
     showTally(tally);
-    element("model", HTMLElement).textContent = words;
-    this.#announcement.textContent = words;
+    element("model", HTMLElement).textContent = text;
+    this.#announcement.textContent = text;
     const phase = this.#phases.querySelector("[data-phase=policy] button");
     if (phase) phase.textContent = id === null ? ATTEMPT.planner : ATTEMPT.policy;
     this.#enable();
@@ -80,17 +79,17 @@ export class AttemptPanel {
     return this.#seedValue();
   }
 
-  // The attempt of this seed, where the object stands.
-  tryAgain(seed: number): void {
+  // Runs an attempt with this seed at the current object pose.
+  graspWithSeed(seed: number): void {
     this.#seed.value = String(seed);
     this.#poseSeed = seed;
     this.grasp();
   }
 
-  // The attempt of this seed, where it puts the object.
-  show(seed: number): void {
+  // Runs an attempt with this seed at the object pose that it samples.
+  runSeed(seed: number): void {
     this.#seed.value = String(seed);
-    this.#drawPose();
+    this.#placeBySeed();
     this.grasp();
   }
 
@@ -101,54 +100,58 @@ export class AttemptPanel {
   newPose(): void {
     if (this.#newPose.disabled) return;
     if (this.#seedValue() === this.#poseSeed) this.#seed.value = String(this.#poseSeed + 1);
-    this.#drawPose();
+    this.#placeBySeed();
   }
 
-  #drawPose(): void {
+  #placeBySeed(): void {
     this.#poseSeed = this.#seedValue();
-    this.#events.pose(this.#poseSeed);
+    this.#events.placeBySeed(this.#poseSeed);
   }
 
-  showFrame({ phase, played, marks }: Frame): void {
-    // Looking back at an attempt that has ended changes nothing of how it did.
-    if (this.#verdict && !marks.some(([phase]) => phase === "verdict")) {
-      this.#verdict = null;
-      this.#hash.hidden = true;
+  showFrame({ phase, playback, phaseStarts }: Frame): void {
+    // The outcome stays while the user scrubs through the attempt; a new attempt has no outcome phase.
+    if (this.#outcome && !phaseStarts.some(([phase]) => phase === "outcome")) {
+      this.#outcome = null;
+      this.#note.hidden = true;
     }
-    if (phase === this.#phase && played?.what === this.#played?.what) return;
-    if (this.#played && !played) this.#hash.hidden = true;
-    [this.#phase, this.#played] = [phase, played];
-    if (phase === "verdict") {
-      if (this.#verdict) this.#headline.textContent = this.#verdict.words;
+    if (phase === this.#phase && playback?.description === this.#playback?.description) return;
+    if (this.#playback && !playback) this.#note.hidden = true;
+    [this.#phase, this.#playback] = [phase, playback];
+    if (phase === "outcome") {
+      if (this.#outcome) this.#headline.textContent = this.#outcome.text;
     } else {
-      const closes = played?.closes ?? ATTEMPT.closes(this.#actor ?? "policy");
-      this.#headline.textContent = phase === "policy" ? closes : ATTEMPT.phases[phase];
-      if (played && !this.#verdict) this.#note(ATTEMPT.noPolicy(played.what));
+      const grasping = playback?.closingLabel ?? ATTEMPT.grasping(this.#actor ?? "policy");
+      this.#headline.textContent = phase === "policy" ? grasping : ATTEMPT.phases[phase];
+      if (playback && !this.#outcome) this.#showNote(ATTEMPT.noPolicy(playback.description));
     }
     this.#showPhases();
   }
 
-  showVerdict(verdict: Verdict): void {
-    this.#verdict = verdict;
-    this.#headline.textContent = verdict.words;
-    this.#announcement.textContent = `${verdict.words} ${TALLY.lifted(verdict.tally)}.`;
-    const what = verdict.played?.what ?? ATTEMPT.seed(verdict.seed) + byHand(verdict);
-    this.#note(verdict.pulled ? ATTEMPT.pulled : ATTEMPT.ended(what, verdict.hash.slice(0, 16)));
-    this.#hash.title = verdict.hash;
-    const end = verdict.pulled ? null : verdict.played?.end;
-    if (end != null) this.#note((end === verdict.hash ? ATTEMPT.asRecorded : ATTEMPT.notAsRecorded)(this.#hash.textContent));
-    showTally(verdict.tally);
+  showOutcome(outcome: Outcome): void {
+    this.#outcome = outcome;
+    this.#headline.textContent = outcome.text;
+    this.#announcement.textContent = `${outcome.text} ${TALLY.lifted(outcome.tally)}.`;
+    const pose = outcome.placedByHand ? ATTEMPT.customPose : "";
+    const attempt = outcome.playback?.description ?? ATTEMPT.seed(outcome.seed) + pose;
+    this.#showNote(outcome.disturbed ? ATTEMPT.disturbed : ATTEMPT.finalState(attempt, outcome.finalStateHash.slice(0, 16)));
+    this.#note.title = outcome.finalStateHash;
+    const recorded = outcome.disturbed ? null : outcome.playback?.finalStateHash;
+    if (recorded != null) {
+      const matches = recorded === outcome.finalStateHash;
+      this.#showNote((matches ? ATTEMPT.matchesRecording : ATTEMPT.differsFromRecording)(this.#note.textContent));
+    }
+    showTally(outcome.tally);
     this.#showPhases();
   }
 
-  // It ended as was said beforehand.
-  confirm(): void {
-    this.#note(ATTEMPT.asInLink(this.#hash.textContent));
+  // The final state matches the share link.
+  confirmLink(): void {
+    this.#showNote(ATTEMPT.matchesLink(this.#note.textContent));
   }
 
-  #note(text: string): void {
-    this.#hash.hidden = false;
-    this.#hash.textContent = text;
+  #showNote(text: string): void {
+    this.#note.hidden = false;
+    this.#note.textContent = text;
   }
 
   #showPhases(): void {
@@ -160,7 +163,7 @@ export class AttemptPanel {
       if (index === now) item.setAttribute("aria-current", "step");
       else item.removeAttribute("aria-current");
     });
-    this.#phases.classList.toggle("is-missed", this.#verdict?.lifted === false);
+    this.#phases.classList.toggle("is-missed", this.#outcome?.lifted === false);
   }
 
   #seedValue(): number {
@@ -169,19 +172,15 @@ export class AttemptPanel {
   }
 }
 
-function byHand({ placed, pose }: Verdict): string {
-  return placed ? ATTEMPT.byHand(pose.x.toFixed(3), pose.y.toFixed(3), pose.yaw.toFixed(3)) : "";
-}
-
 function showTally(tally: Tally): void {
-  const [least, most] = tally.interval;
-  const isNew = tally.attempts === 0;
-  element("tally", HTMLElement).textContent = isNew ? TALLY.none : TALLY.lifted(tally);
-  element("tally-hint", HTMLElement).textContent = isNew ? TALLY.hint : TALLY.interval(percent(least), percent(most));
+  const [min, max] = tally.interval;
+  const isEmpty = tally.attempts === 0;
+  element("tally", HTMLElement).textContent = isEmpty ? TALLY.none : TALLY.lifted(tally);
+  element("tally-hint", HTMLElement).textContent = isEmpty ? TALLY.hint : TALLY.interval(percent(min), percent(max));
   const bar = element("interval", HTMLElement);
-  bar.hidden = isNew;
-  if (isNew) return;
+  bar.hidden = isEmpty;
+  if (isEmpty) return;
   const [band, mark] = [bar.querySelector("span"), bar.querySelector("i")];
-  if (band) [band.style.left, band.style.right] = [`${100 * least}%`, `${100 * (1 - most)}%`];
+  if (band) [band.style.left, band.style.right] = [`${100 * min}%`, `${100 * (1 - max)}%`];
   if (mark) mark.style.left = `${(100 * tally.lifted) / tally.attempts}%`;
 }

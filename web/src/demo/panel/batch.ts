@@ -1,29 +1,29 @@
-// Many attempts in a row: how many lifted, which did not and why; each of those can be seen again.
+// Batch of attempts: success counts with intervals, failures with their reasons, replay of each attempt.
 
 import { element, h } from "../../common/dom";
 import { percent } from "../../common/numbers";
 import { outOf } from "../../common/strings";
-import { save } from "../save";
-import type { Attempted, Rectangle, ToWorker } from "../protocol";
+import { download } from "../download";
+import type { AttemptFinished, Rectangle, WorkerRequest } from "../protocol";
 import { BATCH } from "../strings";
-import { AttemptTable } from "./attempts";
-import { Places } from "./places";
+import { AttemptTable } from "./attempt_table";
+import { WorkspaceMap } from "./workspace_map";
 
 export interface BatchEvents {
-  send(message: ToWorker): void;
-  // The seed from which the next attempts are drawn.
+  send(request: WorkerRequest): void;
+  // First seed of the batch.
   seed(): number;
-  // The policy that acts, and the one that is beside it, if one is.
+  // Names of the loaded policy and, if there is one, of the compared policy.
   names(): string[];
-  // Shows the attempt of this seed.
+  // Runs the attempt of this seed in the view.
   replay(seed: number): void;
 }
 
 // Attempts of one policy.
-interface Row {
+interface PolicyRun {
   name: string;
-  attempted: Attempted[];
-  isOver: boolean;
+  attempts: AttemptFinished[];
+  isFinished: boolean;
 }
 
 export class BatchPanel {
@@ -32,136 +32,136 @@ export class BatchPanel {
   readonly #count = element("batch-count", HTMLSelectElement);
   readonly #bar = element("batch-bar", HTMLProgressElement);
   readonly #csv = element("batch-csv", HTMLButtonElement);
-  readonly #words = element("batch-words", HTMLElement);
-  readonly #beside = element("batch-beside", HTMLElement);
+  readonly #summary = element("batch-summary", HTMLElement);
+  readonly #comparison = element("batch-comparison", HTMLElement);
   readonly #failures = element("batch-failures", HTMLUListElement);
-  readonly #places: Places;
+  readonly #map: WorkspaceMap;
   readonly #table: AttemptTable;
-  // The policy that acts, and the one beside it, on the same seeds.
-  #rows: Row[] = [];
-  #wanted = 0;
-  // Its number: what still comes of an earlier one is not counted.
-  #run = 0;
+  // Runs of the loaded and the compared policy, on the same seeds.
+  #runs: PolicyRun[] = [];
+  #numAttempts = 0;
+  // Id of the current batch. Events of earlier batches are ignored.
+  #batchId = 0;
 
   constructor(events: BatchEvents) {
     this.#events = events;
-    this.#places = new Places((seed) => events.replay(seed));
+    this.#map = new WorkspaceMap((seed) => events.replay(seed));
     this.#table = new AttemptTable((seed) => events.replay(seed));
-    this.#button.addEventListener("click", () => (this.#isRunning ? events.send({ kind: "cancel" }) : this.#begin()));
-    this.#csv.addEventListener("click", () => save("attempts.csv", new Blob([csv(this.#rows)], { type: "text/csv" })));
+    this.#button.addEventListener("click", () => (this.#isRunning ? events.send({ kind: "cancelBatch" }) : this.#start()));
+    this.#csv.addEventListener("click", () => download("attempts.csv", new Blob([csv(this.#runs)], { type: "text/csv" })));
   }
 
   get #isRunning(): boolean {
-    return this.#rows.some(({ isOver }) => !isOver);
+    return this.#runs.some(({ isFinished }) => !isFinished);
   }
 
-  // Where objects may stand.
-  limit(workspace: Rectangle): void {
-    this.#places.limit(workspace);
+  setWorkspace(workspace: Rectangle): void {
+    this.#map.setWorkspace(workspace);
   }
 
-  // Whether attempts can begin.
   enable(on: boolean): void {
     this.#button.disabled = !on;
   }
 
-  #begin(): void {
-    this.#forget();
-    this.#wanted = Number(this.#count.value);
-    this.#rows = this.#events.names().map((name) => ({ name, attempted: [], isOver: false }));
+  #start(): void {
+    this.#reset();
+    this.#numAttempts = Number(this.#count.value);
+    this.#runs = this.#events.names().map((name) => ({ name, attempts: [], isFinished: false }));
     this.#show();
-    this.#run += 1;
-    this.#events.send({ kind: "batch", seed: this.#events.seed(), attempts: this.#wanted, run: this.#run });
+    this.#batchId += 1;
+    this.#events.send({ kind: "batch", seed: this.#events.seed(), attempts: this.#numAttempts, batchId: this.#batchId });
   }
 
-  // An attempt of the policy that acts (0) or of the one beside it (1); the map is that of the first.
-  add(row: Attempted, who: 0 | 1): void {
-    const own = this.#rows[who];
-    if (!own || row.run !== this.#run) return;
-    own.attempted.push(row);
-    if (who === 0) this.#places.add(row);
-    this.#table.add(row, this.#rows.length > 1 ? own.name : null);
-    if (!row.lifted) this.#failures.append(this.#failure(own, row));
+  // Adds an attempt of the loaded (0) or the compared (1) policy. The map shows only the loaded one.
+  add(attempt: AttemptFinished, policy: 0 | 1): void {
+    const run = this.#runs[policy];
+    if (!run || attempt.batchId !== this.#batchId) return;
+    run.attempts.push(attempt);
+    if (policy === 0) this.#map.add(attempt);
+    this.#table.add(attempt, this.#runs.length > 1 ? run.name : null);
+    if (!attempt.lifted) this.#failures.append(this.#failureItem(run, attempt));
     this.#show();
   }
 
-  // No more attempts come of one of them.
-  end(who: 0 | 1, run: number | null): void {
-    const row = this.#rows[who];
-    if (!row || row.isOver || (run ?? this.#run) !== this.#run) return;
-    row.isOver = true;
+  // The batch of one policy has finished; null is the current batch.
+  end(policy: 0 | 1, batchId: number | null): void {
+    const run = this.#runs[policy];
+    if (!run || run.isFinished || (batchId ?? this.#batchId) !== this.#batchId) return;
+    run.isFinished = true;
     this.#show();
-    // Whoever does not see how they stand is told once.
-    if (!this.#isRunning) element("announcement", HTMLElement).textContent = this.#beside.textContent || this.#words.textContent;
+    // Screen readers announce only the final result.
+    if (!this.#isRunning) {
+      element("announcement", HTMLElement).textContent = this.#comparison.textContent || this.#summary.textContent;
+    }
   }
 
-  // Nobody who could go on is there; what was counted stays.
+  // The worker has stopped. The results so far stay.
   stop(): void {
-    for (const row of this.#rows) row.isOver = true;
+    for (const run of this.#runs) run.isFinished = true;
     this.#show();
   }
 
-  // Another object or policy: what was counted is not about it. The worker ends a row before it says so: one that goes on
-  // was asked for since, and is.
+  // Discards the results after a change of object or policy. The worker ends the batch before it reports the
+  // change, so a batch that is still running was started afterwards and continues.
   clear(): void {
-    if (this.#rows[0]?.isOver === false) return;
-    if (this.#isRunning) this.#events.send({ kind: "cancel" });
-    this.#forget();
+    if (this.#runs[0]?.isFinished === false) return;
+    if (this.#isRunning) this.#events.send({ kind: "cancelBatch" });
+    this.#reset();
     this.#show();
   }
 
-  #forget(): void {
-    this.#rows = [];
+  #reset(): void {
+    this.#runs = [];
     this.#failures.replaceChildren();
-    this.#places.clear();
+    this.#map.clear();
     this.#table.clear();
   }
 
   #show(): void {
-    const [first, second] = this.#rows;
+    const [first, second] = this.#runs;
     this.#button.textContent = this.#isRunning ? BATCH.stop : BATCH.run;
     this.#bar.hidden = !this.#isRunning;
-    this.#bar.max = this.#wanted * this.#rows.length;
-    this.#bar.value = this.#rows.reduce((sum, { attempted }) => sum + attempted.length, 0);
-    this.#words.textContent = first && first.attempted.length > 0 ? (second ? told : counted)(first) : "";
-    this.#beside.textContent = first && second && second.attempted.length > 0 ? `${named(first)}, ${named(second)}. ${apart(first, second)}` : "";
-    this.#csv.hidden = !first || first.attempted.length === 0;
+    this.#bar.max = this.#numAttempts * this.#runs.length;
+    this.#bar.value = this.#runs.reduce((sum, { attempts }) => sum + attempts.length, 0);
+    const hasResult = first !== undefined && first.attempts.length > 0;
+    this.#summary.textContent = hasResult ? (second ? lifted : liftedWithInterval)(first) : "";
+    const isPaired = first && second && second.attempts.length > 0;
+    this.#comparison.textContent = isPaired ? `${labelled(first)}, ${labelled(second)}. ${paired(first, second)}` : "";
+    this.#csv.hidden = !hasResult;
   }
 
-  // Both act again where one of them failed.
-  #failure({ name }: Row, { seed, words }: Attempted): HTMLLIElement {
-    const button = h("button", { type: "button", class: "quiet", click: () => this.#events.replay(seed) }, BATCH.watch);
-    const ended = BATCH.ended(seed, words);
-    return h("li", {}, h("span", {}, this.#rows.length > 1 ? BATCH.of(name, ended) : ended), button);
+  #failureItem({ name }: PolicyRun, { seed, text }: AttemptFinished): HTMLLIElement {
+    const button = h("button", { type: "button", class: "quiet", click: () => this.#events.replay(seed) }, BATCH.replay);
+    const outcome = BATCH.outcome(seed, text);
+    return h("li", {}, h("span", {}, this.#runs.length > 1 ? BATCH.ofPolicy(name, outcome) : outcome), button);
   }
 }
 
-function told({ attempted }: Row): string {
-  return outOf(attempted.at(-1)?.row.lifted ?? 0, attempted.length);
+function lifted({ attempts }: PolicyRun): string {
+  return outOf(attempts.at(-1)?.batchTally.lifted ?? 0, attempts.length);
 }
 
-// The same with its interval.
-function counted(row: Row): string {
-  const interval = row.attempted.at(-1)?.row.interval;
-  return interval ? BATCH.between(told(row), percent(interval[0]), percent(interval[1])) : told(row);
+function liftedWithInterval(run: PolicyRun): string {
+  const interval = run.attempts.at(-1)?.batchTally.interval;
+  return interval ? BATCH.interval(lifted(run), percent(interval[0]), percent(interval[1])) : lifted(run);
 }
 
-function named(row: Row): string {
-  return BATCH.of(row.name, counted(row));
+function labelled(run: PolicyRun): string {
+  return BATCH.ofPolicy(run.name, liftedWithInterval(run));
 }
 
-// Attempts that one of two lifted and the other did not, of the seeds that both have tried.
-function apart(first: Row, second: Row): string {
-  const seconds = new Map(second.attempted.map(({ seed, lifted }) => [seed, lifted]));
-  const both = first.attempted.filter(({ seed }) => seconds.has(seed));
+// Numbers of seeds on which only one of the policies succeeded, among the seeds that both have tried.
+function paired(first: PolicyRun, second: PolicyRun): string {
+  const outcomes = new Map(second.attempts.map(({ seed, lifted }) => [seed, lifted]));
+  const both = first.attempts.filter(({ seed }) => outcomes.has(seed));
   if (both.length === 0) return "";
-  const alone = (of: boolean) => both.filter(({ seed, lifted }) => lifted === of && seconds.get(seed) === !of).length;
-  return BATCH.alone(first.name, alone(true), second.name, alone(false), both.length);
+  const only = (isFirst: boolean) => both.filter(({ seed, lifted }) => lifted === isFirst && outcomes.get(seed) === !isFirst).length;
+  return BATCH.paired(first.name, only(true), second.name, only(false), both.length);
 }
 
-function csv(rows: Row[]): string {
-  const line = (name: string, { seed, pose, lifted, words, time, hash }: Attempted) =>
-    [name, seed, pose.x, pose.y, pose.yaw, lifted, `"${words}"`, time.toFixed(3), hash].join(",");
-  const lines = rows.flatMap(({ name, attempted }) => attempted.map((row) => line(name, row)));
-  return ["policy,seed,x_m,y_m,yaw_rad,lifted,verdict,seconds,state_hash", ...lines, ""].join("\n");
+function csv(runs: PolicyRun[]): string {
+  const line = (name: string, { seed, pose, lifted, text, time, finalStateHash }: AttemptFinished) =>
+    [name, seed, pose.x, pose.y, pose.yaw, lifted, `"${text}"`, time.toFixed(3), finalStateHash].join(",");
+  const lines = runs.flatMap(({ name, attempts }) => attempts.map((attempt) => line(name, attempt)));
+  return ["policy,seed,x_m,y_m,yaw_rad,lifted,outcome,duration_s,final_state_hash", ...lines, ""].join("\n");
 }

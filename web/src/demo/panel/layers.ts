@@ -1,4 +1,4 @@
-// What is drawn beside robot and object, each layer with its switch.
+// Switches of the overlay layers.
 
 import { element } from "../../common/dom";
 import type { Layer } from "../view/view";
@@ -15,20 +15,20 @@ export class LayerSwitches {
     sensor: element("layer-sensor", HTMLInputElement),
   };
 
-  constructor(changed: (layer: Layer, on: boolean) => void) {
-    for (const [layer, input] of this.#all()) input.addEventListener("change", () => changed(layer, input.checked));
+  constructor(onChange: (layer: Layer, on: boolean) => void) {
+    for (const [layer, input] of this.#entries()) input.addEventListener("change", () => onChange(layer, input.checked));
   }
 
-  press(layer: Layer): void {
+  toggle(layer: Layer): void {
     this.#inputs[layer].click();
   }
 
-  // How they stand now.
+  // Calls `set` with the current state of each layer.
   apply(set: (layer: Layer, on: boolean) => void): void {
-    for (const [layer, { checked }] of this.#all()) set(layer, checked);
+    for (const [layer, { checked }] of this.#entries()) set(layer, checked);
   }
 
-  #all(): [Layer, HTMLInputElement][] {
+  #entries(): [Layer, HTMLInputElement][] {
     return Object.entries(this.#inputs) as [Layer, HTMLInputElement][];
   }
 }

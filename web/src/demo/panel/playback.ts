@@ -1,15 +1,15 @@
-// Pause, step, reset, speed, the moment that is shown, and how fast it really runs.
+// Playback controls: pause, step, reset, speed, timeline, measured real-time factor.
 
 import { element } from "../../common/dom";
-import type { Frame, ToWorker } from "../protocol";
+import type { Frame, WorkerRequest } from "../protocol";
 import { PLAYBACK } from "../strings";
 import { Timeline } from "./timeline";
 
-// Slower than this share of what was asked for is worth pointing out.
-const SLOW = 0.9;
+// Below this fraction of the requested speed, the real-time factor is highlighted.
+const SLOW_FRACTION = 0.9;
 
 export class Playback {
-  readonly #send: (message: ToWorker) => void;
+  readonly #send: (request: WorkerRequest) => void;
   readonly #pause = element("pause", HTMLButtonElement);
   readonly #back = element("back", HTMLButtonElement);
   readonly #step = element("step", HTMLButtonElement);
@@ -20,7 +20,7 @@ export class Playback {
   #isRunning = true;
   #isSuspended = false;
 
-  constructor(send: (message: ToWorker) => void) {
+  constructor(send: (request: WorkerRequest) => void) {
     this.#send = send;
     this.#timeline = new Timeline(send);
     this.#back.addEventListener("click", () => this.back());
@@ -46,7 +46,7 @@ export class Playback {
     this.#send({ kind: this.#isRunning ? "pause" : "resume" });
   }
 
-  // Pauses for as long as the page is hidden, unless it was paused anyway.
+  // Pauses while the page is hidden, unless already paused by the user.
   suspend(on: boolean): void {
     if (on === this.#isSuspended || (on && !this.#isRunning)) return;
     this.#isSuspended = on;
@@ -58,10 +58,9 @@ export class Playback {
   }
 
   back(): void {
-    this.#timeline.go(-1);
+    this.#timeline.seekBy(-1);
   }
 
-  // Shows how it was after this tick.
   seek(tick: number): void {
     this.#timeline.seek(tick);
   }
@@ -71,14 +70,14 @@ export class Playback {
   }
 
   show(frame: Frame): void {
-    const { running, factor, measured } = frame;
+    const { running, speed, realtimeFactor } = frame;
     this.#timeline.show(frame);
     this.#isRunning = running;
     this.#pause.classList.toggle("is-paused", !running);
-    this.#pause.setAttribute("aria-label", running ? PLAYBACK.pause : PLAYBACK.goOn);
-    this.#speed.value = String(factor);
-    const isMeasured = running && measured !== null;
-    this.#rate.textContent = isMeasured ? PLAYBACK.rate(measured.toFixed(2)) : running ? "" : PLAYBACK.paused;
-    this.#rate.classList.toggle("is-slow", isMeasured && measured < SLOW * factor);
+    this.#pause.setAttribute("aria-label", running ? PLAYBACK.pause : PLAYBACK.resume);
+    this.#speed.value = String(speed);
+    const isMeasured = running && realtimeFactor !== null;
+    this.#rate.textContent = isMeasured ? PLAYBACK.rate(realtimeFactor.toFixed(2)) : running ? "" : PLAYBACK.paused;
+    this.#rate.classList.toggle("is-slow", isMeasured && realtimeFactor < SLOW_FRACTION * speed);
   }
 }

@@ -1,41 +1,42 @@
-// Which policy acts. The address says it too, so that the page comes back with the same one.
+// Policy selection. The selected policy is also stored in the page's URL.
 
 import { element, h } from "../../common/dom";
-import { fillWhenWanted, offer } from "../policies";
+import { addOption, fillOnFocus } from "../policy_options";
 import { COMPARISON } from "../strings";
 
 export class PolicyPicker {
-  readonly #choice = element("policy", HTMLSelectElement);
+  readonly #select = element("policy", HTMLSelectElement);
 
-  constructor(asked: string, choose: (id: string) => void) {
-    offer(this.#choice, asked);
-    this.#choice.value = asked;
-    fillWhenWanted(this.#choice);
-    this.#choice.addEventListener("change", () => choose(this.#choice.value));
+  constructor(requested: string, onSelect: (id: string) => void) {
+    addOption(this.#select, requested);
+    this.#select.value = requested;
+    fillOnFocus(this.#select);
+    this.#select.addEventListener("change", () => onSelect(this.#select.value));
   }
 
-  // The address no longer asks for what a link or a training brought.
-  leaveLink(): void {
-    const address = new URL(location.href);
-    address.searchParams.delete("training");
-    address.hash = "";
-    history.replaceState(null, "", address);
+  // Removes the share link and the training from the URL.
+  clearLink(): void {
+    const url = new URL(location.href);
+    url.searchParams.delete("training");
+    url.hash = "";
+    history.replaceState(null, "", url);
   }
 
-  // Who acts now: where another one could not be had, the one before still does. None is chosen while the planner acts.
+  // Shows the loaded policy, which differs from the selected one if that failed to load. Null: the planner is
+  // used.
   show(id: string | null): void {
     if (id === null) {
-      const nobody = h("option", { value: "", hidden: true }, COMPARISON.planner);
-      if (!this.#choice.querySelector("[value='']")) this.#choice.prepend(nobody);
-      this.#choice.value = "";
+      const planner = h("option", { value: "", hidden: true }, COMPARISON.planner);
+      if (!this.#select.querySelector("[value='']")) this.#select.prepend(planner);
+      this.#select.value = "";
       return;
     }
-    offer(this.#choice, id);
-    this.#choice.value = id;
-    const address = new URL(location.href);
-    if ((address.searchParams.get("model") ?? "default") === id) return;
-    if (id === "default") address.searchParams.delete("model");
-    else address.searchParams.set("model", id);
-    history.replaceState(null, "", address);
+    addOption(this.#select, id);
+    this.#select.value = id;
+    const url = new URL(location.href);
+    if ((url.searchParams.get("model") ?? "default") === id) return;
+    if (id === "default") url.searchParams.delete("model");
+    else url.searchParams.set("model", id);
+    history.replaceState(null, "", url);
   }
 }

@@ -1,20 +1,21 @@
-// Where the object stands, in numbers: the same as dragging it.
+// Object pose as numeric fields, and the keys that move the object.
 
 import { element } from "../../common/dom";
 import type { Frame, PlanarPose, Rectangle } from "../protocol";
 
 const DEGREE = Math.PI / 180;
-const NUDGE = 0.01;
-const TURN = 5 * DEGREE;
+// Step of a key press (m, rad).
+const STEP = 0.01;
+const YAW_STEP = 5 * DEGREE;
 
-// What the arrow keys do; x points away from the robot.
+// Pose change per key; x points away from the robot.
 const NUDGES: Record<string, PlanarPose> = {
-  ArrowUp: { x: -NUDGE, y: 0, yaw: 0 },
-  ArrowDown: { x: NUDGE, y: 0, yaw: 0 },
-  ArrowLeft: { x: 0, y: -NUDGE, yaw: 0 },
-  ArrowRight: { x: 0, y: NUDGE, yaw: 0 },
-  q: { x: 0, y: 0, yaw: TURN },
-  e: { x: 0, y: 0, yaw: -TURN },
+  ArrowUp: { x: -STEP, y: 0, yaw: 0 },
+  ArrowDown: { x: STEP, y: 0, yaw: 0 },
+  ArrowLeft: { x: 0, y: -STEP, yaw: 0 },
+  ArrowRight: { x: 0, y: STEP, yaw: 0 },
+  q: { x: 0, y: 0, yaw: YAW_STEP },
+  e: { x: 0, y: 0, yaw: -YAW_STEP },
 };
 
 export class PosePanel {
@@ -28,26 +29,26 @@ export class PosePanel {
 
   constructor(place: (pose: PlanarPose) => void) {
     this.#place = place;
-    // Only the number that was changed: the others are shown rounded.
+    // Only the changed value is set: the other fields are rounded.
     const unit = { x: 0.01, y: 0.01, yaw: DEGREE };
     for (const [key, input] of [["x", this.#x], ["y", this.#y], ["yaw", this.#yaw]] as const) {
       input.addEventListener("change", () => {
         const value = input.valueAsNumber;
         if (Number.isFinite(value)) this.#place({ ...this.#pose, [key]: value * unit[key] });
       });
-      // What was typed may lie outside, and the object stops at the edge.
+      // The worker limits the pose to the workspace, so the field may differ from it.
       input.addEventListener("blur", () => this.#write());
     }
   }
 
-  limit({ x, y }: Rectangle): void {
+  setLimits({ x, y }: Rectangle): void {
     [this.#x.min, this.#x.max] = [cm(x[0]), cm(x[1])];
     [this.#y.min, this.#y.max] = [cm(y[0]), cm(y[1])];
   }
 
   show({ pose, phase }: Frame): void {
     this.#pose = pose;
-    this.#isFree = phase === "idle" || phase === "verdict";
+    this.#isFree = phase === "idle" || phase === "outcome";
     this.#fields.disabled = !this.#isFree;
     this.#write();
   }
@@ -59,17 +60,17 @@ export class PosePanel {
     write(this.#yaw, (yaw / DEGREE).toFixed(0));
   }
 
-  // True if this key moves the object.
+  // Moves the object by a key; returns whether the key was used.
   nudge(key: string): boolean {
-    const by = NUDGES[key];
-    if (!by || !this.#isFree) return false;
+    const change = NUDGES[key];
+    if (!change || !this.#isFree) return false;
     const { x, y, yaw } = this.#pose;
-    this.#place({ x: x + by.x, y: y + by.y, yaw: yaw + by.yaw });
+    this.#place({ x: x + change.x, y: y + change.y, yaw: yaw + change.yaw });
     return true;
   }
 }
 
-// What is being typed is left alone.
+// The focused field is not overwritten.
 function write(input: HTMLInputElement, value: string): void {
   if (document.activeElement !== input && input.value !== value) input.value = value;
 }

@@ -1,30 +1,28 @@
-// One bar for whatever takes its time: what can be stopped comes first, and then what moved last.
+// Progress bar, shared by worker and page. A task that can be stopped has priority, then the latest update.
 
 import { element } from "../../common/dom";
 import { outOf } from "../../common/strings";
 import type { Progress } from "../protocol";
 
-// Whose work it is.
-export type Whose = "worker" | "page";
+export type ProgressSource = "worker" | "page";
 
-// What is not over.
-const running = new Map<Whose, { progress: Progress; canStop: boolean }>();
+// Unfinished tasks, in the order of their last update.
+const running = new Map<ProgressSource, { progress: Progress; canStop: boolean }>();
 
-// What can be stopped has a button for it.
-export function showProgress(whose: Whose, progress: Progress, canStop = false): void {
-  running.delete(whose);
-  if (!progress.finished) running.set(whose, { progress, canStop });
+export function showProgress(source: ProgressSource, progress: Progress, canStop = false): void {
+  running.delete(source);
+  if (!progress.finished) running.set(source, { progress, canStop });
   draw();
 }
 
-export function endProgress(whose: Whose): void {
-  running.delete(whose);
+export function endProgress(source: ProgressSource): void {
+  running.delete(source);
   draw();
 }
 
 function draw(): void {
-  const all = [...running.values()];
-  const shown = all.find(({ canStop }) => canStop) ?? all.at(-1);
+  const tasks = [...running.values()];
+  const shown = tasks.find(({ canStop }) => canStop) ?? tasks.at(-1);
   element("progress", HTMLElement).hidden = !shown;
   if (!shown) return;
   const { progress, canStop } = shown;

@@ -1,176 +1,176 @@
-// Links to an attempt, and files of it: picture, film, episode.
+// Share section: link to an attempt, and downloads of image, video and episode.
 
-import { ask, Refused } from "../../common/api";
-import { copied, element } from "../../common/dom";
-import { FILM } from "../film";
-import type { Frame, Model, ObjectLoaded, Ready, Told, Verdict } from "../protocol";
-import { save } from "../save";
-import { linkOf, type Shared } from "../share";
+import { ApiError, requestJson } from "../../common/api";
+import { copyText, element } from "../../common/dom";
+import { download } from "../download";
+import type { Frame, ImportOptions, Model, ObjectLoaded, Outcome, Ready } from "../protocol";
+import { buildLink, type ShareLink } from "../share_link";
 import { SHARE } from "../strings";
+import { VIDEO_FORMAT } from "../video_format";
 
 export interface ShareEvents {
-  // Where the viewer stands and looks, if there is anything to be seen.
+  // Camera position and orbit target; null without a view.
   view(): number[] | null;
-  picture(): Promise<Blob | null>;
+  screenshot(): Promise<Blob | null>;
   canvas(): HTMLCanvasElement;
-  episode(): void;
-  // What was said of the file that stands there.
-  told(): Told | null;
-  // The file that stands there, if it is one.
+  exportRecording(): void;
+  // Import options of the current mesh file.
+  options(): ImportOptions | null;
+  // The current mesh file; null for a built-in object.
   file(): File | null;
 }
 
 export class SharePanel {
   readonly #events: ShareEvents;
   readonly #link = element("copy-link", HTMLButtonElement);
-  readonly #film = element("save-webm", HTMLButtonElement);
+  readonly #video = element("save-webm", HTMLButtonElement);
   readonly #episode = element("save-json", HTMLButtonElement);
   readonly #store = element("store", HTMLButtonElement);
   readonly #hint = element("share-hint", HTMLElement);
-  // Id of the object's file on the server.
+  // Id of the mesh on the server.
   #mesh: string | null = null;
-  #scene = "";
+  #sceneHash = "";
   #object: ObjectLoaded | null = null;
   #model: Model | null = null;
   #frame: Frame | null = null;
-  #verdict: Verdict | null = null;
-  #sending: AbortController | null = null;
+  #outcome: Outcome | null = null;
+  #upload: AbortController | null = null;
   #recorder: MediaRecorder | null = null;
 
   constructor(events: ShareEvents) {
     this.#events = events;
     this.#link.addEventListener("click", () => void this.copy());
-    element("save-png", HTMLButtonElement).addEventListener("click", () => void this.#savePicture());
-    this.#film.addEventListener("click", () => this.#record());
-    this.#film.hidden = !FILM;
-    this.#episode.addEventListener("click", () => events.episode());
-    this.#store.addEventListener("click", () => void this.#keep());
+    element("save-png", HTMLButtonElement).addEventListener("click", () => void this.#saveImage());
+    this.#video.addEventListener("click", () => this.#toggleVideo());
+    this.#video.hidden = !VIDEO_FORMAT;
+    this.#episode.addEventListener("click", () => events.exportRecording());
+    this.#store.addEventListener("click", () => void this.#storeMesh());
   }
 
-  ready({ scene }: Ready): void {
-    this.#scene = scene;
+  ready({ sceneHash }: Ready): void {
+    this.#sceneHash = sceneHash;
   }
 
   hasObject(object: ObjectLoaded): void {
     [this.#object, this.#mesh] = [object, null];
-    // The file that was asked about, or is being sent, is another one's.
+    // An upload in progress is of the previous file.
     this.#store.hidden = true;
-    this.#sending?.abort();
-    this.#judge(null);
+    this.#upload?.abort();
+    this.#setOutcome(null);
   }
 
   hasModel(model: Model): void {
     this.#model = model;
-    // What is played goes on, whoever comes to act.
-    if (!this.#verdict?.played) this.#judge(null);
+    // Playback does not depend on the policy.
+    if (!this.#outcome?.playback) this.#setOutcome(null);
   }
 
-  show(frame: Frame): void {
+  showFrame(frame: Frame): void {
     this.#frame = frame;
-    // Another attempt has begun; one that fails at once has its verdict then.
-    if (this.#verdict && frame.ticks === 0 && frame.phase !== "verdict") this.#judge(null);
+    // A new attempt has started. An attempt that fails at once already has its outcome.
+    if (this.#outcome && frame.ticks === 0 && frame.phase !== "outcome") this.#setOutcome(null);
   }
 
-  showVerdict(verdict: Verdict): void {
-    this.#judge(verdict);
+  showOutcome(outcome: Outcome): void {
+    this.#setOutcome(outcome);
   }
 
-  // What the attempt came to, if it is over.
-  #judge(verdict: Verdict | null): void {
-    this.#verdict = verdict;
-    // What is played is a file or a search of its own, and what the planner does depends on more than a link can say.
-    const isOwn = verdict !== null && !verdict.played && this.#model?.id != null;
-    const why = verdict?.pulled ? SHARE.pulled : verdict && !isOwn ? SHARE.noPolicy : null;
-    this.#link.disabled = !isOwn || verdict.pulled;
-    this.#episode.disabled = !verdict || verdict.pulled;
-    // What is said again is not read out again.
+  // Null: no attempt has finished.
+  #setOutcome(outcome: Outcome | null): void {
+    this.#outcome = outcome;
+    // A link reproduces neither a playback nor an attempt of the planner.
+    const isOfPolicy = outcome !== null && !outcome.playback && this.#model?.id != null;
+    const why = outcome?.disturbed ? SHARE.disturbed : outcome && !isOfPolicy ? SHARE.noPolicy : null;
+    this.#link.disabled = !isOfPolicy || outcome.disturbed;
+    this.#episode.disabled = !outcome || outcome.disturbed;
+    // Screen readers announce a text whenever it is set, even if it is unchanged.
     const hint = why ?? SHARE.hint;
     if (this.#hint.textContent !== hint) this.#hint.textContent = hint;
   }
 
   async copy(): Promise<void> {
-    const [object, model, verdict, frame] = [this.#object, this.#model, this.#verdict, this.#frame];
-    if (this.#link.disabled || !object || !model?.id || !verdict || !frame) return;
-    const told = this.#events.told();
-    const shared: Shared = {
+    const [object, model, outcome, frame] = [this.#object, this.#model, this.#outcome, this.#frame];
+    if (this.#link.disabled || !object || !model?.id || !outcome || !frame) return;
+    const options = this.#events.options();
+    const link: ShareLink = {
       object: object.name ?? object.label,
       objectHash: object.hash,
-      // How it stands may have been guessed: another version may guess otherwise.
-      told: told && { ...told, unit: object.report.unit, stands: object.report.stands },
+      // Unit and orientation are stated, since another version might choose them differently.
+      options: options && { ...options, unit: object.info.unit, orientation: object.info.orientation },
       mesh: this.#mesh,
-      pose: verdict.pose,
-      placed: verdict.placed,
-      seed: verdict.seed,
+      pose: outcome.pose,
+      placedByHand: outcome.placedByHand,
+      seed: outcome.seed,
       model: model.id,
       modelHash: model.hash,
-      scene: this.#scene,
+      sceneHash: this.#sceneHash,
       view: this.#events.view(),
       tick: frame.tick < frame.ticks ? frame.tick : null,
-      end: verdict.hash,
+      finalStateHash: outcome.finalStateHash,
     };
-    const link = linkOf(shared);
+    const url = buildLink(link);
     const needsFile = object.name === null && this.#mesh === null;
     this.#store.hidden = !needsFile;
-    const isCopied = await copied(this.#hint, link);
-    this.#hint.textContent = isCopied ? (needsFile ? SHARE.copiedWithoutFile : SHARE.copied) : link;
+    const isCopied = await copyText(this.#hint, url);
+    this.#hint.textContent = isCopied ? (needsFile ? SHARE.copiedWithoutFile : SHARE.copied) : url;
     if (!isCopied) getSelection()?.selectAllChildren(this.#hint);
   }
 
-  // Stores the file on the server, on purpose, so that the link suffices.
-  async #keep(): Promise<void> {
-    // Pressed again while it is sent.
-    if (this.#sending) return this.#sending.abort();
+  // Stores the mesh on the server, so that the link is sufficient. A second click cancels the upload.
+  async #storeMesh(): Promise<void> {
+    if (this.#upload) return this.#upload.abort();
     const file = this.#events.file();
     if (!file) return;
-    this.#sending = new AbortController();
-    const words = this.#store.textContent;
-    this.#store.textContent = SHARE.stopSending;
-    this.#hint.textContent = SHARE.sending(file.name);
+    this.#upload = new AbortController();
+    const label = this.#store.textContent;
+    this.#store.textContent = SHARE.cancelUpload;
+    this.#hint.textContent = SHARE.uploading(file.name);
+    const { signal } = this.#upload;
     try {
-      const { limits } = await ask<{ limits: { mesh_bytes: number } }>("../v1", "GET", undefined, { signal: this.#sending.signal });
+      const { limits } = await requestJson<{ limits: { mesh_bytes: number } }>("../v1", "GET", undefined, { signal });
       if (file.size > limits.mesh_bytes) {
-        this.#hint.textContent = SHARE.notKept(SHARE.tooLarge(file.name, limits.mesh_bytes / 1e6));
+        this.#hint.textContent = SHARE.notStored(SHARE.tooLarge(file.name, limits.mesh_bytes / 1e6));
         return;
       }
       const path = `meshes?name=${encodeURIComponent(file.name)}`;
-      const { id } = await ask<{ id: string }>(path, "POST", file, { signal: this.#sending.signal });
+      const { id } = await requestJson<{ id: string }>(path, "POST", file, { signal });
       this.#mesh = id;
       this.#store.hidden = true;
-      // Of an attempt that is over by now there may be a link.
-      this.#hint.textContent = SHARE.kept;
+      this.#hint.textContent = SHARE.stored;
+      // Replaces the hint if the link is still available.
       await this.copy();
     } catch (error) {
-      const isOwn = this.#sending.signal.aborted;
-      const why = error instanceof Refused && error.problem.code !== "no_server" ? error.problem.detail.replace(/\.$/, "") : SHARE.noServer;
-      this.#hint.textContent = isOwn ? SHARE.notSent : SHARE.notKept(why);
+      const hasServer = error instanceof ApiError && error.problem.code !== "no_server";
+      const why = hasServer ? error.problem.detail.replace(/\.$/, "") : SHARE.noServer;
+      this.#hint.textContent = signal.aborted ? SHARE.uploadCancelled : SHARE.notStored(why);
     } finally {
-      this.#sending = null;
-      this.#store.textContent = words;
+      this.#upload = null;
+      this.#store.textContent = label;
     }
   }
 
-  async #savePicture(): Promise<void> {
-    const picture = await this.#events.picture();
-    if (picture) save("ngf-grasp.png", picture);
+  async #saveImage(): Promise<void> {
+    const image = await this.#events.screenshot();
+    if (image) download("ngf-grasp.png", image);
   }
 
-  // Records what is shown until it is pressed again.
-  #record(): void {
+  // Starts recording the canvas, or stops and downloads the video.
+  #toggleVideo(): void {
     if (this.#recorder) {
       this.#recorder.stop();
       return;
     }
-    const parts: Blob[] = [];
-    const type = `video/${FILM}`;
+    const chunks: Blob[] = [];
+    const type = `video/${VIDEO_FORMAT}`;
     const recorder = new MediaRecorder(this.#events.canvas().captureStream(30), { mimeType: type });
-    recorder.ondataavailable = ({ data }) => parts.push(data);
+    recorder.ondataavailable = ({ data }) => chunks.push(data);
     recorder.onstop = () => {
       this.#recorder = null;
-      this.#film.textContent = SHARE.film;
-      save(`ngf-grasp.${FILM}`, new Blob(parts, { type }));
+      this.#video.textContent = SHARE.video;
+      download(`ngf-grasp.${VIDEO_FORMAT}`, new Blob(chunks, { type }));
     };
     recorder.start();
     this.#recorder = recorder;
-    this.#film.textContent = SHARE.stop;
+    this.#video.textContent = SHARE.stop;
   }
 }

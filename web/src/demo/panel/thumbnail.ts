@@ -1,21 +1,21 @@
-// A small picture of a shape, without the graphics card: seen a little from above, lit from the left.
+// Thumbnail of a mesh, rasterised on the CPU: viewed from slightly above, lit from the left.
 
 import { Color, Matrix4, Vector3 } from "three";
 import type { Shape } from "../protocol";
 
 const PIXELS = 56;
 const MARGIN = 2;
-// Spots along a pixel's side at which the shape is looked at; the pixel is their mean.
-const SPOTS = 3;
-const SIDE = PIXELS * SPOTS;
-// Where it is looked at from, and what leads to the right and downwards in the picture.
+// Supersampling: samples per pixel along each axis.
+const SAMPLES = 3;
+const SIDE = PIXELS * SAMPLES;
+// View direction, and the image axes in world coordinates.
 const BACK = new Vector3(-0.72, -0.52, 0.46).normalize();
 const RIGHT = new Vector3(0, 0, 1).cross(BACK).normalize();
 const DOWN = new Vector3().crossVectors(RIGHT, BACK);
-const TO_PICTURE = new Matrix4().makeBasis(RIGHT, DOWN, BACK).transpose();
-const LIGHT = new Vector3(-0.3, -0.75, 0.6).normalize().applyMatrix4(TO_PICTURE);
+const TO_IMAGE = new Matrix4().makeBasis(RIGHT, DOWN, BACK).transpose();
+const LIGHT = new Vector3(-0.3, -0.75, 0.6).normalize().applyMatrix4(TO_IMAGE);
 
-// It is painted after the next picture of the scene, for which people wait.
+// Rendering is deferred until after the next frame of the scene, which has priority.
 export function thumbnail(shape: Shape, color: string): HTMLCanvasElement {
   const canvas = square(PIXELS);
   canvas.setAttribute("aria-hidden", "true");
@@ -27,9 +27,9 @@ function draw(canvas: HTMLCanvasElement, { positions, indices }: Shape, color: s
   const fine = square(SIDE);
   const [context, raster] = [canvas.getContext("2d"), fine.getContext("2d")];
   if (!context || !raster) return;
-  const picture = raster.createImageData(SIDE, SIDE);
-  paint(picture.data, inPicture(positions), indices, new Color(color));
-  raster.putImageData(picture, 0, 0);
+  const image = raster.createImageData(SIDE, SIDE);
+  paint(image.data, toImage(positions), indices, new Color(color));
+  raster.putImageData(image, 0, 0);
   context.imageSmoothingQuality = "high";
   context.drawImage(fine, 0, 0, PIXELS, PIXELS);
 }
@@ -40,29 +40,29 @@ function square(side: number): HTMLCanvasElement {
   return canvas;
 }
 
-// Corners to the right, down and towards the eye, in spots; the shape fills the picture.
-function inPicture(positions: ArrayLike<number>): Float32Array {
+// Vertices in image coordinates (right, down, towards the viewer), in samples, scaled to fill the image.
+function toImage(positions: ArrayLike<number>): Float32Array {
   const corners = new Float32Array(positions.length);
   const point = new Vector3();
-  const least = new Vector3(Infinity, Infinity, 0);
-  const most = new Vector3(-Infinity, -Infinity, 0);
+  const min = new Vector3(Infinity, Infinity, 0);
+  const max = new Vector3(-Infinity, -Infinity, 0);
   for (let i = 0; i < corners.length; i += 3) {
-    point.fromArray(positions, i).applyMatrix4(TO_PICTURE).toArray(corners, i);
-    least.min(point);
-    most.max(point);
+    point.fromArray(positions, i).applyMatrix4(TO_IMAGE).toArray(corners, i);
+    min.min(point);
+    max.max(point);
   }
-  const scale = (SIDE - 2 * MARGIN * SPOTS) / Math.max(most.x - least.x, most.y - least.y);
+  const scale = (SIDE - 2 * MARGIN * SAMPLES) / Math.max(max.x - min.x, max.y - min.y);
   for (let i = 0; i < corners.length; i += 3) {
-    corners[i] = SIDE / 2 + scale * (corners[i]! - (least.x + most.x) / 2);
-    corners[i + 1] = SIDE / 2 + scale * (corners[i + 1]! - (least.y + most.y) / 2);
+    corners[i] = SIDE / 2 + scale * (corners[i]! - (min.x + max.x) / 2);
+    corners[i + 1] = SIDE / 2 + scale * (corners[i + 1]! - (min.y + max.y) / 2);
     corners[i + 2] = scale * corners[i + 2]!;
   }
   return corners;
 }
 
-// Gives every spot the shade of the triangle that lies nearest there.
+// Rasterises the triangles with a depth buffer.
 function paint(pixels: Uint8ClampedArray, corners: Float32Array, indices: ArrayLike<number>, color: Color): void {
-  const nearest = new Float32Array(SIDE * SIDE).fill(-Infinity);
+  const depths = new Float32Array(SIDE * SIDE).fill(-Infinity);
   const [p, q, r, normal] = [new Vector3(), new Vector3(), new Vector3(), new Vector3()];
   const shaded = new Color();
   for (let i = 0; i + 2 < indices.length; i += 3) {
@@ -72,7 +72,7 @@ function paint(pixels: Uint8ClampedArray, corners: Float32Array, indices: ArrayL
     normal.crossVectors(q, r);
     const area = normal.z;
     if (area === 0) continue;
-    // A surface has the same shade from both sides, if the eye can see it at all.
+    // Two-sided shading: back faces are lit like front faces.
     const facing = Math.sign(area) / normal.length();
     shaded.copy(color).multiplyScalar(0.55 + 0.55 * Math.max(0, facing * normal.dot(LIGHT)));
     const rgb = shaded.getHex();
@@ -80,15 +80,15 @@ function paint(pixels: Uint8ClampedArray, corners: Float32Array, indices: ArrayL
     const [top, bottom] = [p.y + Math.min(0, q.y, r.y), p.y + Math.max(0, q.y, r.y)];
     for (let y = Math.ceil(top); y <= bottom; y++) {
       for (let x = Math.ceil(left); x <= right; x++) {
-        // Barycentric coordinates of the spot.
+        // Barycentric coordinates of the sample.
         const u = ((x - p.x) * r.y - (y - p.y) * r.x) / area;
         const v = (q.x * (y - p.y) - q.y * (x - p.x)) / area;
         if (u < 0 || v < 0 || u + v > 1) continue;
         const depth = p.z + u * q.z + v * r.z;
-        const spot = y * SIDE + x;
-        if (!(depth > nearest[spot]!)) continue;
-        nearest[spot] = depth;
-        pixels.set([rgb >> 16, (rgb >> 8) & 255, rgb & 255, 255], 4 * spot);
+        const sample = y * SIDE + x;
+        if (!(depth > depths[sample]!)) continue;
+        depths[sample] = depth;
+        pixels.set([rgb >> 16, (rgb >> 8) & 255, rgb & 255, 255], 4 * sample);
       }
     }
   }

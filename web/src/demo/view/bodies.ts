@@ -1,4 +1,4 @@
-// What moves: the robot's links and the object with its collision hulls.
+// Moving bodies: the robot's links, and the object with its collision hulls.
 
 import {
   BufferGeometry,
@@ -12,25 +12,25 @@ import {
 } from "three";
 import type { Link, ObjectLoaded } from "../protocol";
 import type { Colors } from "./colors";
-import { geometryOf } from "./shape";
+import { toGeometry } from "./mesh_geometry";
 
-// The robot: a group per body, in the order of their poses.
+// One group per body of the robot, in the order of the poses in a frame.
 export function robotBodies(links: readonly Link[]): Group[] {
   const bodies: Group[] = [];
   for (const { body, color, shape } of links) {
     const material = new MeshLambertMaterial({ color });
-    (bodies[body] ??= new Group()).add(shadowed(new Mesh(geometryOf(shape), material)));
+    (bodies[body] ??= new Group()).add(withShadows(new Mesh(toGeometry(shape), material)));
   }
-  // A body that nothing is drawn of still has a pose.
+  // Bodies without meshes still have a pose.
   return Array.from(bodies, (body) => body ?? new Group());
 }
 
-// The object is drawn in the accent colour: it is what everything here is about.
-export class Thing {
+// The object, in the accent colour.
+export class ObjectBody {
   readonly group = new Group();
-  readonly #skin = new MeshLambertMaterial({ transparent: true });
-  readonly #edges = new LineBasicMaterial({ transparent: true, opacity: 0.75 });
-  readonly #mesh = shadowed(new Mesh(new BufferGeometry(), this.#skin));
+  readonly #material = new MeshLambertMaterial({ transparent: true });
+  readonly #hullMaterial = new LineBasicMaterial({ transparent: true, opacity: 0.75 });
+  readonly #mesh = withShadows(new Mesh(new BufferGeometry(), this.#material));
   readonly #hulls = new Group();
 
   constructor() {
@@ -38,45 +38,44 @@ export class Thing {
     this.group.add(this.#mesh, this.#hulls);
   }
 
-  // For picking: the bounding box is near enough, and as quick for a million triangles as for ten.
+  // Used for picking instead of the mesh: constant time for any number of triangles.
   get bounds() {
     return this.#mesh.geometry.boundingBox;
   }
 
   show(loaded: ObjectLoaded): void {
     this.#mesh.geometry.dispose();
-    this.#mesh.geometry = geometryOf(loaded.shape);
+    this.#mesh.geometry = toGeometry(loaded.shape);
     this.#mesh.geometry.computeBoundingBox();
     clear(this.#hulls);
     for (const hull of loaded.hulls) {
-      const surface = geometryOf(hull);
-      this.#hulls.add(new LineSegments(new EdgesGeometry(surface, 12), this.#edges));
+      const surface = toGeometry(hull);
+      this.#hulls.add(new LineSegments(new EdgesGeometry(surface, 12), this.#hullMaterial));
       surface.dispose();
     }
   }
 
   showHulls(on: boolean): void {
     this.#hulls.visible = on;
-    this.#skin.opacity = on ? 0.4 : 1;
-    this.#skin.depthWrite = !on;
+    this.#material.opacity = on ? 0.4 : 1;
+    this.#material.depthWrite = !on;
   }
 
-  paint(colors: Colors): void {
-    this.#skin.color = colors.accent;
-    this.#edges.color = colors.ink;
+  setColors(colors: Colors): void {
+    this.#material.color = colors.accent;
+    this.#hullMaterial.color = colors.ink;
   }
 }
 
-function shadowed(mesh: Mesh<BufferGeometry, MeshLambertMaterial>) {
+function withShadows(mesh: Mesh<BufferGeometry, MeshLambertMaterial>) {
   mesh.castShadow = mesh.receiveShadow = true;
   return mesh;
 }
 
-// Takes everything out of a group and frees what it holds on the graphics card: geometry, and the
-// shadows of lights.
+// Empties a group and frees its GPU resources: geometries and shadow maps.
 export function clear(group: Group): void {
-  type Held = Object3D & { geometry?: BufferGeometry; dispose?: () => void };
-  for (const child of group.children as Held[]) {
+  type Disposable = Object3D & { geometry?: BufferGeometry; dispose?: () => void };
+  for (const child of group.children as Disposable[]) {
     child.geometry?.dispose();
     child.dispose?.();
   }

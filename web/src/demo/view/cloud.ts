@@ -1,4 +1,4 @@
-// What the depth camera saw, and where it stands.
+// Point cloud of the depth camera, and the camera's frustum.
 
 import {
   BufferAttribute,
@@ -14,16 +14,17 @@ import {
 import type { DepthCamera } from "../protocol";
 import type { Colors } from "./colors";
 
-const NEAR = 0.3;
+// Closer to the view's camera than this, the frustum is hidden (m).
+const MIN_DISTANCE = 0.3;
 
-export class Cloud {
+export class PointCloud {
   readonly points = new Points(
     new BufferGeometry(),
     new PointsMaterial({ size: 0.0065, map: disc(), alphaTest: 0.15, transparent: true }),
   );
 
   constructor() {
-    // Seen through the object, whose surface it lies on.
+    // Rendered over the object, whose surface coincides with the points.
     this.points.material.depthTest = false;
     this.points.renderOrder = 1;
     this.points.frustumCulled = false;
@@ -35,18 +36,18 @@ export class Cloud {
     this.points.geometry.setAttribute("position", new BufferAttribute(positions, 3));
   }
 
-  // A memory, once the object has left the place where it was seen.
+  // Fades the cloud once the object may have moved since the capture.
   fade(on: boolean): void {
     this.points.material.opacity = on ? 0.3 : 1;
   }
 
-  paint(colors: Colors): void {
+  setColors(colors: Colors): void {
     this.points.material.color = colors.cloud;
   }
 }
 
-// The camera as a small pyramid: apex at the lens, base where it looks.
-export class Sensor {
+// The depth camera as a small pyramid: apex at the lens, base in the viewing direction.
+export class SensorFrustum {
   readonly group = new Group();
   readonly #material = new LineBasicMaterial();
 
@@ -64,12 +65,12 @@ export class Sensor {
     this.show(false, null);
   }
 
-  // Seen from where it stands, it would only be in the way.
-  show(on: boolean, viewer: Vector3 | null): void {
-    this.group.visible = on && (viewer?.distanceTo(this.group.position) ?? 0) > NEAR;
+  // Hidden from near the sensor's own position, where it would obstruct the view.
+  show(on: boolean, cameraPosition: Vector3 | null): void {
+    this.group.visible = on && (cameraPosition?.distanceTo(this.group.position) ?? 0) > MIN_DISTANCE;
   }
 
-  paint(colors: Colors): void {
+  setColors(colors: Colors): void {
     this.#material.color = colors.ink;
   }
 }

@@ -1,4 +1,4 @@
-// Colours of the scene, from the style sheet: light and dark are told apart there and nowhere else.
+// Colours of the scene, from the style sheet, which defines the light and the dark theme.
 
 import { Color } from "three";
 
@@ -14,7 +14,7 @@ export interface Colors {
   target: Color;
   ink: Color;
   sky: Color;
-  // How strong lights and shadows are.
+  // Intensity of the lights, opacity of the shadows.
   light: number;
   shadow: number;
 }
@@ -40,6 +40,6 @@ export function readColors(): Colors {
   };
 }
 
-export function onColorsChange(changed: () => void): void {
-  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", changed);
+export function onColorsChange(onChange: () => void): void {
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", onChange);
 }

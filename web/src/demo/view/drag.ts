@@ -1,40 +1,41 @@
-// Dragging the object over the table, and pulling at it while the hand has to do with it.
+// Pointer input on the object: moving it on the table, or pulling it during an attempt.
 
 import { type Camera, Plane, Raycaster, Vector2, Vector3 } from "three";
-import type { Pull, Rectangle } from "../protocol";
-import type { Thing } from "./bodies";
+import type { Drag, Rectangle } from "../protocol";
+import type { ObjectBody } from "./bodies";
 
 export interface Draggable {
   camera: Camera;
-  thing: Thing;
-  // While an attempt runs, the object is not ours to move.
-  isFree(): boolean;
-  // But ours to pull at, also afterwards if that is asked for.
-  isPullable(asked: boolean): boolean;
-  // Called at the beginning and at the end.
-  grabbed(on: boolean): void;
-  moved(x: number, y: number): void;
-  pulled(pull: Pull | null): void;
+  object: ObjectBody;
+  // The object can be moved while no attempt is running.
+  canMove(): boolean;
+  // It can be pulled during an attempt, and with the modifier key also after it.
+  canPull(hasModifier: boolean): boolean;
+  // Called at the start (true) and at the end (false) of a drag.
+  onGrab(on: boolean): void;
+  onMove(x: number, y: number): void;
+  onPull(drag: Drag | null): void;
 }
 
-// A finger that has gone less far (px) may be the first of two, which zoom.
-const SLOP = 8;
+// A touch that has moved less than this may become a pinch (px).
+const TOUCH_SLOP = 8;
 
 export function dragObject(canvas: HTMLCanvasElement, workspace: Rectangle, target: Draggable): void {
   const raycaster = new Raycaster();
-  // The plane in which the pointer moves.
+  // Plane of the drag.
   const plane = new Plane(new Vector3(0, 0, 1), 0);
   const hit = new Vector3();
-  // From the object's origin to where it was grabbed, on the table.
+  // From the object's origin to the grabbed point (world frame).
   const offset = new Vector3();
-  // How the drag began, if there is one, which the camera was not told; while it is told, that is not ours.
-  let begun: PointerEvent | null = null;
-  let hasGone = false;
-  let isPassedOn = false;
-  // Where it was grabbed, in its own frame, if it is pulled at.
-  let held: [number, number, number] | null = null;
+  // First event of the current drag, which was hidden from the camera controls.
+  let startEvent: PointerEvent | null = null;
+  let hasMoved = false;
+  // Whether that event is being dispatched again, to the camera controls.
+  let isForwarding = false;
+  // Grabbed point in the object frame, if the object is pulled.
+  let pulledPoint: [number, number, number] | null = null;
 
-  const aim = (event: PointerEvent) => {
+  const setRay = (event: PointerEvent) => {
     const box = canvas.getBoundingClientRect();
     const x = ((event.clientX - box.left) / box.width) * 2 - 1;
     const y = 1 - ((event.clientY - box.top) / box.height) * 2;
@@ -42,71 +43,71 @@ export function dragObject(canvas: HTMLCanvasElement, workspace: Rectangle, targ
   };
 
   const isOver = (event: PointerEvent) => {
-    const { bounds, group } = target.thing;
-    if (!bounds || !(target.isFree() || target.isPullable(event.ctrlKey))) return false;
-    aim(event);
+    const { bounds, group } = target.object;
+    if (!bounds || !(target.canMove() || target.canPull(event.ctrlKey))) return false;
+    setRay(event);
     const ray = raycaster.ray.clone().applyMatrix4(group.matrixWorld.clone().invert());
     return ray.intersectBox(bounds, hit) !== null;
   };
 
-  // Before the camera's own listener, which would begin to orbit.
+  // Capture phase: runs before the listener of the camera controls, which would start to orbit.
   canvas.addEventListener(
     "pointerdown",
     (event) => {
-      if (isPassedOn) return;
-      // A second finger zooms: it ends a drag and begins none. The camera has to know of the first, too.
-      if (begun && !event.isPrimary) {
-        const first = begun;
+      if (isForwarding) return;
+      // A second finger zooms: it ends the drag, and the camera controls receive the first finger too.
+      if (startEvent && !event.isPrimary) {
+        const first = startEvent;
         release(first.pointerId);
-        isPassedOn = true;
+        isForwarding = true;
         canvas.dispatchEvent(new PointerEvent(first.type, first));
-        isPassedOn = false;
+        isForwarding = false;
       }
-      if (event.button !== 0 || !event.isPrimary || begun || !isOver(event)) return;
+      if (event.button !== 0 || !event.isPrimary || startEvent || !isOver(event)) return;
       event.stopImmediatePropagation();
-      const { matrixWorld, position } = target.thing.group;
-      held = target.isPullable(event.ctrlKey) ? [hit.x, hit.y, hit.z] : null;
+      const { matrixWorld, position } = target.object.group;
+      pulledPoint = target.canPull(event.ctrlKey) ? [hit.x, hit.y, hit.z] : null;
       hit.applyMatrix4(matrixWorld);
-      // Through the point that was grabbed, so that it stays under the pointer: along the table, or, to pull, as the
-      // viewer sees it.
-      if (held) plane.setFromNormalAndCoplanarPoint(target.camera.getWorldDirection(new Vector3()), hit);
+      // Through the grabbed point, so that it stays under the pointer: parallel to the table, or to the image
+      // for a pull.
+      if (pulledPoint) plane.setFromNormalAndCoplanarPoint(target.camera.getWorldDirection(new Vector3()), hit);
       else plane.set(new Vector3(0, 0, 1), -hit.z);
       offset.subVectors(hit, position);
-      begun = event;
-      hasGone = event.pointerType !== "touch";
+      startEvent = event;
+      hasMoved = event.pointerType !== "touch";
       canvas.setPointerCapture(event.pointerId);
-      target.grabbed(true);
+      target.onGrab(true);
     },
     { capture: true },
   );
 
   canvas.addEventListener("pointermove", (event) => {
-    if (!begun) {
+    if (!startEvent) {
       if (event.pointerType === "mouse") canvas.style.cursor = isOver(event) ? "grab" : "";
       return;
     }
-    if (event.pointerId !== begun.pointerId) return;
-    if (!held && !target.isFree()) return release(event.pointerId);
-    hasGone ||= Math.hypot(event.clientX - begun.clientX, event.clientY - begun.clientY) >= SLOP;
-    if (!hasGone) return;
-    aim(event);
+    if (event.pointerId !== startEvent.pointerId) return;
+    if (!pulledPoint && !target.canMove()) return release(event.pointerId);
+    hasMoved ||= Math.hypot(event.clientX - startEvent.clientX, event.clientY - startEvent.clientY) >= TOUCH_SLOP;
+    if (!hasMoved) return;
+    setRay(event);
     if (!raycaster.ray.intersectPlane(plane, hit)) return;
-    if (held) return target.pulled({ point: held, towards: [hit.x, hit.y, hit.z] });
+    if (pulledPoint) return target.onPull({ point: pulledPoint, target: [hit.x, hit.y, hit.z] });
     hit.sub(offset);
-    target.moved(clamp(hit.x, workspace.x), clamp(hit.y, workspace.y));
+    target.onMove(clamp(hit.x, workspace.x), clamp(hit.y, workspace.y));
   });
 
   const release = (id: number) => {
-    if (id !== begun?.pointerId) return;
-    begun = null;
-    if (held) target.pulled(null);
-    held = null;
-    target.grabbed(false);
+    if (id !== startEvent?.pointerId) return;
+    startEvent = null;
+    if (pulledPoint) target.onPull(null);
+    pulledPoint = null;
+    target.onGrab(false);
   };
   canvas.addEventListener("pointerup", (event) => release(event.pointerId));
   canvas.addEventListener("pointercancel", (event) => release(event.pointerId));
 }
 
-function clamp(value: number, [least, most]: [number, number]): number {
-  return Math.min(most, Math.max(least, value));
+function clamp(value: number, [min, max]: [number, number]): number {
+  return Math.min(max, Math.max(min, value));
 }

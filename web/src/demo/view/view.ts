@@ -1,160 +1,160 @@
-// The picture: a renderer that draws when something has changed, and rests otherwise.
+// 3-D view of the scene. Frames are rendered on demand: after a change, and while something moves.
 
 import { BasicShadowMap, type Group, PCFShadowMap, Scene, WebGLRenderer } from "three";
-import type { Cloud as Seen, Frame, ObjectLoaded, Phase, PlanarPose, Pull, Ready } from "../protocol";
-import { clear, robotBodies, Thing } from "./bodies";
-import { type Preset, Viewpoint } from "./camera";
-import { Cloud, Sensor } from "./cloud";
+import type { Cloud, Drag, Frame, ObjectLoaded, Phase, PlanarPose, Ready } from "../protocol";
+import { AdaptiveResolution } from "./adaptive_resolution";
+import { clear, ObjectBody, robotBodies } from "./bodies";
+import { OrbitCamera, type Preset } from "./camera";
+import { Canvas2dRenderer } from "./canvas2d_renderer";
+import { PointCloud, SensorFrustum } from "./cloud";
 import { type Colors, onColorsChange, readColors } from "./colors";
+import { ContactForces } from "./contact_forces";
 import { dragObject } from "./drag";
-import { Forces } from "./forces";
+import { DragSpring } from "./drag_spring";
+import { Environment } from "./environment";
+import { FrameScheduler } from "./frame_scheduler";
 import { Ghost } from "./ghost";
-import { Limits } from "./limits";
-import { Motion } from "./motion";
-import { Precedence } from "./precedence";
-import { Sharpness } from "./sharpness";
-import { Sketch } from "./sketch";
-import { Spring } from "./spring";
-import { Studio } from "./studio";
-import { Trail } from "./trail";
+import { JointLimitHighlight } from "./joint_limit_highlight";
+import { PalmTrail } from "./palm_trail";
+import { PoseInterpolator } from "./pose_interpolation";
 
 export type Layer = "cloud" | "reconstruction" | "hulls" | "forces" | "trail" | "target" | "limits" | "sensor";
 
-// While the hand has to do with the object.
-const ACTS: Phase[] = ["policy", "lift", "hold"];
+// Phases in which the hand can touch the object.
+const CONTACT_PHASES: Phase[] = ["policy", "lift", "hold"];
 
-// What a key turns the viewer by (rad, to the right and up), or takes it nearer by.
-const TURN = Math.PI / 24;
-const TURNS: Record<string, [number, number]> = {
-  "Shift+ArrowLeft": [-TURN, 0],
-  "Shift+ArrowRight": [TURN, 0],
-  "Shift+ArrowUp": [0, TURN],
-  "Shift+ArrowDown": [0, -TURN],
+// Camera rotation per key press (rad, right and up), and zoom per key press (fraction of the distance).
+const ROTATION = Math.PI / 24;
+const ROTATION_KEYS: Record<string, [number, number]> = {
+  "Shift+ArrowLeft": [-ROTATION, 0],
+  "Shift+ArrowRight": [ROTATION, 0],
+  "Shift+ArrowUp": [0, ROTATION],
+  "Shift+ArrowDown": [0, -ROTATION],
 };
-const NEARER: Record<string, number> = { "+": 0.1, "=": 0.1, "-": -0.1 };
+const ZOOM_KEYS: Record<string, number> = { "+": 0.1, "=": 0.1, "-": -0.1 };
 
-// What has not moved for so long rests (milliseconds).
-const REST = 300;
+// Delay from the last movement to a frame at full resolution (ms).
+const IDLE_DELAY_MS = 300;
 
 export interface ViewEvents {
   place(pose: PlanarPose): void;
-  pull(pull: Pull | null): void;
-  // The graphics were lost (false) or came back (true).
-  graphics(works: boolean): void;
-  // There is no WebGL: the picture is a sketch.
-  sketched(why: string): void;
-  // The viewer stands or looks elsewhere.
-  moved(stand: number[]): void;
-  // Somebody looks elsewhere by hand or key.
-  taken(): void;
+  drag(drag: Drag | null): void;
+  // The WebGL context was lost (false) or restored (true).
+  contextChanged(isAvailable: boolean): void;
+  // WebGL is not available; the 2-D renderer is used.
+  fellBackTo2d(why: string): void;
+  // The camera has moved.
+  viewChanged(numbers: number[]): void;
+  // The user has moved the camera.
+  userMoved(): void;
 }
 
 export class View {
   readonly #canvas: HTMLCanvasElement;
   readonly #events: ViewEvents;
-  // Pictures are the processor's work: less is drawn, so that they come often enough.
-  readonly #isPlain = isDrawnByProcessor();
-  readonly #renderer: WebGLRenderer | Sketch;
+  // Software rendering: simpler shading and lower resolution keep the frame rate acceptable.
+  readonly #isSoftware = usesSoftwareRendering();
+  readonly #renderer: WebGLRenderer | Canvas2dRenderer;
   readonly #scene = new Scene();
-  readonly #viewpoint: Viewpoint;
-  readonly #thing = new Thing();
-  readonly #cloud = new Cloud();
-  readonly #reconstruction = new Cloud();
-  readonly #forces = new Forces();
-  readonly #trail = new Trail();
-  readonly #spring = new Spring();
+  readonly #camera: OrbitCamera;
+  readonly #object = new ObjectBody();
+  readonly #cloud = new PointCloud();
+  readonly #reconstruction = new PointCloud();
+  readonly #forces = new ContactForces();
+  readonly #trail = new PalmTrail();
+  readonly #spring = new DragSpring();
   readonly #ghost = new Ghost();
-  readonly #limits = new Limits();
-  readonly #motion = new Motion();
-  readonly #sharpness = new Sharpness(this.#isPlain);
-  readonly #precedence = new Precedence(this.#isPlain);
-  #studio: Studio | null = null;
-  #sensor: Sensor | null = null;
+  readonly #limits = new JointLimitHighlight();
+  readonly #interpolator = new PoseInterpolator();
+  readonly #resolution = new AdaptiveResolution(this.#isSoftware);
+  readonly #scheduler = new FrameScheduler(this.#isSoftware);
+  #environment: Environment | null = null;
+  #sensor: SensorFrustum | null = null;
   #robot: Group[] = [];
   #frame: Frame | null = null;
-  // Where the object stood when it was looked at.
-  #seenAt: PlanarPose | null = null;
-  // Where the viewer stood in the last picture.
-  #stood: number[] = [];
+  // Object pose at which the cloud was captured.
+  #cloudPose: PlanarPose | null = null;
+  // Camera of the last rendered frame.
+  #lastView: number[] = [];
   #showsSensor = false;
-  #isAwake = false;
-  #rest = 0;
+  #isFrameRequested = false;
+  #idleTimer = 0;
 
-  // Throws where nothing can be drawn.
+  // Throws if the browser supports neither WebGL nor a 2-D canvas.
   constructor(canvas: HTMLCanvasElement, events: ViewEvents) {
     this.#canvas = canvas;
     this.#events = events;
-    this.#renderer = this.#begin();
-    this.#viewpoint = new Viewpoint(canvas, () => this.#wake(), () => events.taken());
+    this.#renderer = this.#makeRenderer();
+    this.#camera = new OrbitCamera(canvas, () => this.#requestFrame(), () => events.userMoved());
     this.#reconstruction.points.visible = false;
     const lines = [this.#forces.lines, this.#trail.line, this.#spring.line];
-    this.#scene.add(this.#thing.group, this.#cloud.points, this.#reconstruction.points, this.#ghost.group, ...lines);
-    this.#thing.group.visible = false;
+    this.#scene.add(this.#object.group, this.#cloud.points, this.#reconstruction.points, this.#ghost.group, ...lines);
+    this.#object.group.visible = false;
 
     new ResizeObserver(() => this.#resize()).observe(canvas);
     canvas.addEventListener("webglcontextlost", (event) => {
       event.preventDefault();
-      events.graphics(false);
+      events.contextChanged(false);
     });
     canvas.addEventListener("webglcontextrestored", () => {
-      events.graphics(true);
-      this.#wake();
+      events.contextChanged(true);
+      this.#requestFrame();
     });
-    onColorsChange(() => this.#paint());
+    onColorsChange(() => this.#applyColors());
     this.#resize();
-    this.#paint();
+    this.#applyColors();
   }
 
-  #begin(): WebGLRenderer | Sketch {
+  #makeRenderer(): WebGLRenderer | Canvas2dRenderer {
     const canvas = this.#canvas;
     try {
-      const renderer = new WebGLRenderer({ canvas, antialias: !this.#isPlain, powerPreference: "high-performance" });
+      const renderer = new WebGLRenderer({ canvas, antialias: !this.#isSoftware, powerPreference: "high-performance" });
       renderer.shadowMap.enabled = true;
-      renderer.shadowMap.type = this.#isPlain ? BasicShadowMap : PCFShadowMap;
+      renderer.shadowMap.type = this.#isSoftware ? BasicShadowMap : PCFShadowMap;
       return renderer;
     } catch (error) {
-      const sketch = new Sketch(canvas);
-      this.#events.sketched(String(error));
-      return sketch;
+      const renderer = new Canvas2dRenderer(canvas);
+      this.#events.fellBackTo2d(String(error));
+      return renderer;
     }
   }
 
   show(ready: Ready): void {
-    const before = [...this.#robot, this.#studio?.group, this.#sensor?.group].filter((group) => group !== undefined);
-    this.#scene.remove(...before);
-    before.forEach(clear);
-    const isFirst = this.#studio === null;
+    const previous = [...this.#robot, this.#environment?.group, this.#sensor?.group].filter((group) => group !== undefined);
+    this.#scene.remove(...previous);
+    previous.forEach(clear);
+    const isFirst = this.#environment === null;
 
     this.#robot = robotBodies(ready.links);
     this.#ghost.show(this.#robot);
     this.#limits.show(this.#robot, ready.joints);
-    this.#studio = new Studio(ready.table, ready.workspace, this.#isPlain);
-    this.#sensor = new Sensor(ready.camera);
-    this.#viewpoint.scene = ready;
-    this.#scene.add(...this.#robot, this.#studio.group, this.#sensor.group);
+    this.#environment = new Environment(ready.table, ready.workspace, this.#isSoftware);
+    this.#sensor = new SensorFrustum(ready.camera);
+    this.#camera.scene = ready;
+    this.#scene.add(...this.#robot, this.#environment.group, this.#sensor.group);
     if (isFirst) {
       this.#makeDraggable(ready);
-      this.#viewpoint.goTo("home", 0, true);
+      this.#camera.goTo("home", 0, true);
     }
-    this.#paint();
+    this.#applyColors();
   }
 
   showObject(loaded: ObjectLoaded): void {
-    this.#thing.show(loaded);
-    this.#thing.group.visible = true;
+    this.#object.show(loaded);
+    this.#object.group.visible = true;
     this.#clearCloud();
   }
 
-  showCloud({ points, reconstruction }: Pick<Seen, "points" | "reconstruction">): void {
+  showCloud({ points, reconstruction }: Pick<Cloud, "points" | "reconstruction">): void {
     this.#cloud.show(points);
     this.#reconstruction.show(reconstruction);
-    this.#seenAt = this.#frame?.pose ?? null;
-    this.#wake();
+    this.#cloudPose = this.#frame?.pose ?? null;
+    this.#requestFrame();
   }
 
-  forgetReconstruction(): void {
+  clearReconstruction(): void {
     this.#reconstruction.show(new Float32Array(0));
-    this.#wake();
+    this.#requestFrame();
   }
 
   #clearCloud(): void {
@@ -163,159 +163,160 @@ export class View {
 
   showFrame(frame: Frame): void {
     const now = performance.now();
-    if (frame.running) this.#motion.moveTo(frame.poses, now);
-    else this.#motion.jumpTo(frame.poses, now);
-    const isMemory = frame.phase !== "idle" && frame.phase !== "approach" && frame.phase !== "policy";
-    for (const cloud of [this.#cloud, this.#reconstruction]) cloud.fade(isMemory);
-    this.#ghost.follow(frame, now);
-    this.#limits.follow(frame);
+    if (frame.running) this.#interpolator.moveTo(frame.poses, now);
+    else this.#interpolator.jumpTo(frame.poses, now);
+    const isOutdated = frame.phase !== "idle" && frame.phase !== "approach" && frame.phase !== "policy";
+    for (const cloud of [this.#cloud, this.#reconstruction]) cloud.fade(isOutdated);
+    this.#ghost.showFrame(frame, now);
+    this.#limits.showFrame(frame);
     this.#forces.show(frame.contacts);
     this.#trail.show(frame);
     this.#frame = frame;
-    // An object that was moved since is no longer where the cloud is.
-    if (frame.phase === "idle" && !isSame(this.#seenAt, frame.pose)) this.#clearCloud();
-    this.#wake();
+    // The cloud is removed once the object has been moved.
+    if (frame.phase === "idle" && !isSame(this.#cloudPose, frame.pose)) this.#clearCloud();
+    this.#requestFrame();
   }
 
   setLayer(layer: Layer, on: boolean): void {
     if (layer === "cloud") this.#cloud.points.visible = on;
     if (layer === "reconstruction") this.#reconstruction.points.visible = on;
     if (layer === "forces") this.#forces.lines.visible = on;
-    if (layer === "hulls") this.#thing.showHulls(on);
+    if (layer === "hulls") this.#object.showHulls(on);
     if (layer === "trail") this.#trail.line.visible = on;
     if (layer === "target") this.#ghost.group.visible = on;
-    if (layer === "limits") this.#limits.on = on;
+    if (layer === "limits") this.#limits.isVisible = on;
     if (layer === "sensor") this.#showsSensor = on;
-    this.#wake();
+    this.#requestFrame();
   }
 
-  look(preset: Preset): void {
-    this.#viewpoint.goTo(preset, performance.now());
-    this.#wake();
+  goTo(preset: Preset): void {
+    this.#camera.goTo(preset, performance.now());
+    this.#requestFrame();
   }
 
-  // Turns the viewer about what is looked at, or takes it nearer, by a key.
-  step(key: string): boolean {
-    const turn = TURNS[key];
-    const share = NEARER[key];
-    if (turn) this.#viewpoint.turn(...turn);
-    else if (share) this.#viewpoint.approach(share);
+  // Orbits or zooms by a key; returns whether the key was used.
+  moveByKey(key: string): boolean {
+    const rotation = ROTATION_KEYS[key];
+    const fraction = ZOOM_KEYS[key];
+    if (rotation) this.#camera.rotate(...rotation);
+    else if (fraction) this.#camera.zoom(fraction);
     else return false;
-    this.#wake();
+    this.#requestFrame();
     return true;
   }
 
-  // Where the viewer stands and looks.
-  stand(): number[] {
-    return this.#viewpoint.stand();
+  // Camera position, then orbit target.
+  getView(): number[] {
+    return this.#camera.getView();
   }
 
-  #tellStand(): void {
-    const stand = this.#viewpoint.stand();
-    if (stand.every((number, i) => number === this.#stood[i])) return;
-    this.#stood = stand;
-    this.#events.moved(stand);
+  setView(numbers: number[]): void {
+    this.#camera.setView(numbers);
+    this.#requestFrame();
   }
 
-  standAt(numbers: number[]): void {
-    this.#viewpoint.standAt(numbers);
-    this.#wake();
+  #reportView(): void {
+    const view = this.#camera.getView();
+    if (view.every((number, i) => number === this.#lastView[i])) return;
+    this.#lastView = view;
+    this.#events.viewChanged(view);
   }
 
-  // What is shown, as a picture.
-  picture(): Promise<Blob | null> {
-    this.#draw(performance.now());
+  screenshot(): Promise<Blob | null> {
+    this.#render(performance.now());
     return new Promise((resolve) => this.#canvas.toBlob(resolve, "image/png"));
   }
 
   #makeDraggable({ workspace }: Ready): void {
     dragObject(this.#canvas, workspace, {
-      camera: this.#viewpoint.camera,
-      thing: this.#thing,
-      isFree: () => this.#frame?.phase === "idle" || this.#frame?.phase === "verdict",
-      isPullable: (asked) => {
+      camera: this.#camera.camera,
+      object: this.#object,
+      canMove: () => this.#frame?.phase === "idle" || this.#frame?.phase === "outcome",
+      canPull: (hasModifier) => {
         const phase = this.#frame?.phase ?? "idle";
-        return ACTS.includes(phase) || (phase === "verdict" && asked);
+        return CONTACT_PHASES.includes(phase) || (phase === "outcome" && hasModifier);
       },
-      pulled: (pull) => {
-        this.#spring.set(pull);
-        this.#events.pull(pull);
-        this.#wake();
+      onPull: (drag) => {
+        this.#spring.set(drag);
+        this.#events.drag(drag);
+        this.#requestFrame();
       },
-      grabbed: (on) => {
-        this.#studio?.highlight(on);
+      onGrab: (on) => {
+        this.#environment?.highlightWorkspace(on);
         this.#canvas.style.cursor = on ? "grabbing" : "";
-        this.#wake();
+        this.#requestFrame();
       },
-      moved: (x, y) => {
+      onMove: (x, y) => {
         if (this.#frame) this.#events.place({ x, y, yaw: this.#frame.pose.yaw });
       },
     });
   }
 
-  #paint(): void {
+  #applyColors(): void {
     const colors: Colors = readColors();
     this.#scene.background = colors.ground;
-    const painted = [this.#studio, this.#sensor, this.#thing, this.#cloud, this.#forces, this.#trail, this.#spring, this.#ghost, this.#limits];
-    for (const one of painted) one?.paint(colors);
-    this.#reconstruction.paint({ ...colors, cloud: colors.reconstruction });
-    this.#wake();
+    const bodies = [this.#environment, this.#sensor, this.#object, this.#ghost, this.#limits];
+    const overlays = [this.#cloud, this.#forces, this.#trail, this.#spring];
+    for (const part of [...bodies, ...overlays]) part?.setColors(colors);
+    this.#reconstruction.setColors({ ...colors, cloud: colors.reconstruction });
+    this.#requestFrame();
   }
 
   #resize(): void {
     const { clientWidth: width, clientHeight: height } = this.#canvas;
     if (width === 0 || height === 0) return;
     this.#renderer.setSize(width, height, false);
-    this.#viewpoint.resize(width, height, this.#covered());
-    // A resized canvas is empty: it is filled before it is shown.
-    this.#draw(performance.now(), this.#sharpness.last);
+    this.#camera.resize(width, height, this.#coveredHeight());
+    // A resized canvas is cleared, so it is rendered before it is displayed.
+    this.#render(performance.now(), this.#resolution.current);
   }
 
-  // How much of the canvas's foot lies under the dock (CSS pixels).
-  #covered(): number {
+  // Height of the canvas that the dock covers from below (CSS pixels).
+  #coveredHeight(): number {
     const dock = document.querySelector(".dock")?.getBoundingClientRect();
     return dock ? Math.max(0, this.#canvas.getBoundingClientRect().bottom - dock.top) : 0;
   }
 
-  #wake(): void {
-    if (this.#isAwake) return;
-    this.#isAwake = true;
-    const wanted = performance.now();
-    const draw = () => {
+  #requestFrame(): void {
+    if (this.#isFrameRequested) return;
+    this.#isFrameRequested = true;
+    const requested = performance.now();
+    const render = () => {
       const now = performance.now();
-      if (this.#precedence.waits(now)) return void requestAnimationFrame(draw);
-      this.#isAwake = false;
-      this.#draw(now, this.#sharpness.share(wanted, now));
+      if (this.#scheduler.shouldDefer(now)) return void requestAnimationFrame(render);
+      this.#isFrameRequested = false;
+      this.#render(now, this.#resolution.update(requested, now));
     };
-    requestAnimationFrame(draw);
+    requestAnimationFrame(render);
   }
 
-  // Draws with a share of the screen's pixels along a side, and as finely as it may be once nothing moves.
-  #draw(now: number, share = 1): void {
-    const ratio = share * Math.min(devicePixelRatio, 2);
+  // Renders at a fraction of the screen's resolution (per axis), and at the final resolution once nothing
+  // moves.
+  #render(now: number, fraction = 1): void {
+    const ratio = fraction * Math.min(devicePixelRatio, 2);
     if (ratio !== this.#renderer.getPixelRatio()) this.#renderer.setPixelRatio(ratio);
-    const isMoving = this.#motion.apply([...this.#robot, this.#thing.group], now);
+    const isMoving = this.#interpolator.apply([...this.#robot, this.#object.group], now);
     const isGhostMoving = this.#ghost.apply(now);
-    this.#spring.follow(this.#thing.group);
-    const isTurning = this.#viewpoint.update(now);
-    this.#tellStand();
-    this.#sensor?.show(this.#showsSensor, this.#viewpoint.camera.position);
-    this.#studio?.castShadows(share >= 1);
-    this.#renderer.render(this.#scene, this.#viewpoint.camera);
+    this.#spring.follow(this.#object.group);
+    const isCameraMoving = this.#camera.update(now);
+    this.#reportView();
+    this.#sensor?.show(this.#showsSensor, this.#camera.camera.position);
+    this.#environment?.updateShadows(fraction >= 1);
+    this.#renderer.render(this.#scene, this.#camera.camera);
     this.#canvas.dataset["drawn"] = String(this.#robot.length);
-    if (isMoving || isGhostMoving || isTurning) this.#wake();
-    clearTimeout(this.#rest);
-    // Twice as many pixels along a side as an ordinary screen has do for smoothed edges.
-    const finest = this.#isPlain ? Math.max(1, 2 / Math.min(devicePixelRatio, 2)) : 1;
-    if (share < finest) this.#rest = window.setTimeout(() => this.#draw(performance.now(), finest), REST);
+    if (isMoving || isGhostMoving || isCameraMoving) this.#requestFrame();
+    clearTimeout(this.#idleTimer);
+    // Without antialiasing, two pixels per CSS pixel smooth the edges.
+    const final = this.#isSoftware ? Math.max(1, 2 / Math.min(devicePixelRatio, 2)) : 1;
+    if (fraction < final) this.#idleTimer = window.setTimeout(() => this.#render(performance.now(), final), IDLE_DELAY_MS);
   }
 }
 
-// Whether there are no graphics but the processor: smooth edges alone would halve the pictures a second there.
-function isDrawnByProcessor(): boolean {
+// Whether WebGL runs on the CPU. There, antialiasing alone would halve the frame rate.
+function usesSoftwareRendering(): boolean {
   const probe = document.createElement("canvas").getContext("webgl2");
-  const names = probe?.getExtension("WEBGL_debug_renderer_info");
-  const name = probe && names ? String(probe.getParameter(names.UNMASKED_RENDERER_WEBGL)) : "";
+  const info = probe?.getExtension("WEBGL_debug_renderer_info");
+  const name = probe && info ? String(probe.getParameter(info.UNMASKED_RENDERER_WEBGL)) : "";
   probe?.getExtension("WEBGL_lose_context")?.loseContext();
   return /swiftshader|llvmpipe|softpipe|basic render/i.test(name);
 }

@@ -1,0 +1,336 @@
+//! Shard: all data of one object pose, stored in one file until the dataset is assembled.
+
+use anyhow::{Result, ensure};
+use files::tensors::{self, read_f32};
+use grasps::demonstration::{Demonstration, GoalError, PlanFailure};
+use grasps::trial::TrialOutcome;
+use robot::DOF;
+use safetensors::SafeTensors;
+use scene::HoldFailure;
+
+/// Dimension of a state: joint positions, then velocities.
+pub const STATE_DIM: usize = 2 * DOF;
+/// Points per cloud.
+pub const CLOUD_POINTS: usize = 512;
+
+/// Outcome of a trial; [`DemoOutcome::ALL`] lists the names in files.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum DemoOutcome {
+    /// Lifted in the replay.
+    Kept,
+    /// The planner did not converge, or the motion exceeded the joint limits.
+    NotConverged,
+    /// The motion ended too close to the grasp.
+    TooShort,
+    /// The planned motion penetrated the object or the table.
+    Collision,
+    /// In the replay, the object slipped or rotated in the hand.
+    Slipped,
+    /// In the replay, the object was not lifted high enough.
+    TooLow,
+    /// In the replay, the object was not in contact with the hand, or touched something else.
+    ForeignContact,
+    /// The simulation diverged.
+    NotFinite,
+}
+
+impl DemoOutcome {
+    /// All outcomes with their names in files, ordered by code.
+    pub const ALL: [(Self, &'static str); 8] = [
+        (Self::Kept, "kept"),
+        (Self::NotConverged, "not_converged"),
+        (Self::TooShort, "too_short"),
+        (Self::Collision, "collision"),
+        (Self::Slipped, "slipped"),
+        (Self::TooLow, "too_low"),
+        (Self::ForeignContact, "foreign_contact"),
+        (Self::NotFinite, "not_finite"),
+    ];
+
+    /// Name in files.
+    pub fn name(self) -> &'static str {
+        Self::ALL[self as usize].1
+    }
+
+    pub(crate) fn from_plan_failure(flaw: PlanFailure) -> Self {
+        match flaw {
+            PlanFailure::NotConverged => Self::NotConverged,
+            PlanFailure::TooShort => Self::TooShort,
+            PlanFailure::Collision => Self::Collision,
+        }
+    }
+
+    pub(crate) fn from_trial_outcome(outcome: TrialOutcome) -> Self {
+        match outcome {
+            TrialOutcome::Lifted { .. } => Self::Kept,
+            TrialOutcome::Failed(HoldFailure::Slipped) => Self::Slipped,
+            TrialOutcome::Failed(HoldFailure::TooLow) => Self::TooLow,
+            TrialOutcome::Failed(HoldFailure::ForeignContact | HoldFailure::NoContact) => {
+                Self::ForeignContact
+            }
+            TrialOutcome::NotFinite => Self::NotFinite,
+        }
+    }
+
+    fn from_code(code: f32) -> Option<Self> {
+        (code >= 0.0).then(|| Self::ALL[code as usize % Self::ALL.len()].0)
+    }
+}
+
+/// One trial of a demonstration.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DemoTrial {
+    /// Index of the pre-grasp target. Targets are the same at every pose, relative to the object.
+    pub target: usize,
+    /// Index of the grasp in the grasp set of the object.
+    pub grasp: usize,
+    /// Outcome of planning and of the floating-hand replay.
+    pub outcome: DemoOutcome,
+    /// Outcome of the full-robot replay; `None` if not replayed.
+    pub full_robot: Option<DemoOutcome>,
+    /// Outcome of the full-robot replay with a 2 s hold and shaking.
+    pub shaken: Option<DemoOutcome>,
+    /// Outcome of the full-robot replay with perturbed object pose and friction.
+    pub perturbed: Option<DemoOutcome>,
+    /// Number of rows (1/30 s each); 0 if planning failed.
+    pub num_frames: usize,
+    /// Row at which the fingers make contact.
+    pub contact_row: usize,
+    /// Number of planner restarts before success.
+    pub restarts: usize,
+    /// Minimum distance (m) of the collision shapes of the robot to object and table up to contact; negative
+    /// in penetration.
+    pub clearance: f32,
+    /// RMS joint jerk (rad/s³), norm over all joints, before contact.
+    pub jerk: f32,
+    /// Maximum slip (m) in the floating-hand replay, if it lifted.
+    pub slip: f32,
+    /// Whether the arm can reach the pre-grasp target.
+    pub is_reachable: bool,
+    /// Distance (m) and angle (rad) of the palm from the target after the planner converged; 0 if it did not.
+    pub goal_error: [f32; 2],
+}
+
+impl DemoTrial {
+    /// Whether the motion converged at the target.
+    pub fn reached_goal(&self) -> bool {
+        let [distance, angle] = self.goal_error.map(f64::from);
+        self.num_frames > 0 && GoalError { distance, angle }.is_reached()
+    }
+
+    const NUM_VALUES: usize = 15;
+
+    fn to_values(&self) -> [f32; Self::NUM_VALUES] {
+        let code =
+            |outcome: Option<DemoOutcome>| outcome.map_or(-1.0, |outcome| outcome as u8 as f32);
+        [
+            self.target as f32,
+            self.grasp as f32,
+            code(Some(self.outcome)),
+            code(self.full_robot),
+            code(self.shaken),
+            code(self.perturbed),
+            self.num_frames as f32,
+            self.contact_row as f32,
+            self.restarts as f32,
+            self.clearance,
+            self.jerk,
+            self.slip,
+            f32::from(u8::from(self.is_reachable)),
+            self.goal_error[0],
+            self.goal_error[1],
+        ]
+    }
+
+    fn from_values(x: &[f32]) -> Self {
+        Self {
+            target: x[0] as usize,
+            grasp: x[1] as usize,
+            outcome: DemoOutcome::from_code(x[2]).unwrap_or(DemoOutcome::NotConverged),
+            full_robot: DemoOutcome::from_code(x[3]),
+            shaken: DemoOutcome::from_code(x[4]),
+            perturbed: DemoOutcome::from_code(x[5]),
+            num_frames: x[6] as usize,
+            contact_row: x[7] as usize,
+            restarts: x[8] as usize,
+            clearance: x[9],
+            jerk: x[10],
+            slip: x[11],
+            is_reachable: x[12] > 0.5,
+            goal_error: [x[13], x[14]],
+        }
+    }
+}
+
+/// All data of one object pose.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct PoseShard {
+    /// x, y (m), yaw (rad).
+    pub pose: [f32; 3],
+    /// Maximum joint difference (rad) to the posture of the same grasp for an object shifted by 2 cm or
+    /// rotated by 0.1 rad.
+    pub max_joint_jump: f32,
+    /// Trials in order.
+    pub trials: Vec<DemoTrial>,
+    /// First row of each kept demonstration, then the number of rows.
+    pub offsets: Vec<usize>,
+    /// Joint positions (rad) and velocities (rad/s), shape (rows, [`STATE_DIM`]), of all kept demonstrations
+    /// in sequence.
+    pub states: Vec<f32>,
+    /// Joint accelerations (rad/s²) applied at each row, shape (rows, DOF).
+    pub accelerations: Vec<f32>,
+    /// Joint positions (rad) after each acceleration, shape (rows, DOF).
+    pub targets: Vec<f32>,
+    /// Angles (rad) by which object and demonstrations are rotated about the vertical axis of the robot; the
+    /// first is 0.
+    pub azimuths: Vec<f32>,
+    /// Noisy clouds, shape (azimuths, clouds, [`CLOUD_POINTS`], 3).
+    pub noisy: Vec<f32>,
+    /// Clean clouds, shape (azimuths, [`CLOUD_POINTS`], 3).
+    pub clean: Vec<f32>,
+}
+
+impl PoseShard {
+    /// Adds a demonstration without its last state, which equals the target of the last row.
+    pub(crate) fn push(&mut self, demonstration: &Demonstration) {
+        let states = &demonstration.states;
+        for (pair, qdd) in states.windows(2).zip(&demonstration.accelerations) {
+            let state = pair[0].q.iter().chain(pair[0].qd.iter());
+            self.states.extend(state.map(|x| *x as f32));
+            self.accelerations.extend(qdd.iter().map(|x| *x as f32));
+            self.targets.extend(pair[1].q.iter().map(|x| *x as f32));
+        }
+        self.offsets.push(self.num_rows());
+    }
+
+    /// Number of rows of all kept demonstrations.
+    pub fn num_rows(&self) -> usize {
+        self.states.len() / STATE_DIM
+    }
+
+    /// Kept trials, in the order of the demonstrations.
+    pub fn kept(&self) -> impl Iterator<Item = &DemoTrial> {
+        self.trials.iter().filter(|trial| trial.outcome == DemoOutcome::Kept)
+    }
+
+    pub(crate) fn encode(&self) -> Result<Vec<u8>> {
+        let rows = self.num_rows();
+        let offsets: Vec<f32> = self.offsets.iter().map(|&i| i as f32).collect();
+        let trials: Vec<f32> = self.trials.iter().flat_map(DemoTrial::to_values).collect();
+        let clouds = |points: &[f32]| vec![points.len() / (3 * CLOUD_POINTS), CLOUD_POINTS, 3];
+        let [x, y, yaw] = self.pose;
+        tensors::encode(
+            &[
+                ("pose", vec![4], &[x, y, yaw, self.max_joint_jump]),
+                ("trials", vec![self.trials.len(), DemoTrial::NUM_VALUES], &trials),
+                ("offsets", vec![offsets.len()], &offsets),
+                ("states", vec![rows, STATE_DIM], &self.states),
+                ("accelerations", vec![rows, DOF], &self.accelerations),
+                ("targets", vec![rows, DOF], &self.targets),
+                ("azimuths", vec![self.azimuths.len()], &self.azimuths),
+                ("noisy", clouds(&self.noisy), &self.noisy),
+                ("clean", clouds(&self.clean), &self.clean),
+            ],
+            None,
+        )
+    }
+
+    pub(crate) fn decode(bytes: &[u8]) -> Result<Self> {
+        let tensors = SafeTensors::deserialize(bytes)?;
+        let read = |name: &str| read_f32(&tensors, name);
+        let pose = read("pose")?;
+        ensure!(pose.len() == 4, "expected four pose values, found {}", pose.len());
+        let trials = read("trials")?;
+        let shard = Self {
+            pose: [pose[0], pose[1], pose[2]],
+            max_joint_jump: pose[3],
+            trials: trials
+                .chunks_exact(DemoTrial::NUM_VALUES)
+                .map(DemoTrial::from_values)
+                .collect(),
+            offsets: read("offsets")?.iter().map(|&first| first as usize).collect(),
+            states: read("states")?,
+            accelerations: read("accelerations")?,
+            targets: read("targets")?,
+            azimuths: read("azimuths")?,
+            noisy: read("noisy")?,
+            clean: read("clean")?,
+        };
+        let rows = shard.num_rows();
+        ensure!(
+            shard.offsets.first() == Some(&0)
+                && shard.offsets.is_sorted()
+                && shard.offsets.last() == Some(&rows),
+            "the offsets of the demonstrations do not cover its {rows} rows"
+        );
+        Ok(shard)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn shard() -> PoseShard {
+        let trial = |fate, full| DemoTrial {
+            target: 3,
+            grasp: 1,
+            outcome: fate,
+            full_robot: full,
+            shaken: full,
+            perturbed: None,
+            num_frames: 40,
+            contact_row: 30,
+            restarts: 1,
+            clearance: 0.004,
+            jerk: 12.0,
+            slip: 0.001,
+            is_reachable: true,
+            goal_error: [0.01, 0.05],
+        };
+        PoseShard {
+            pose: [0.5, 0.1, -1.0],
+            max_joint_jump: 0.2,
+            trials: vec![
+                trial(DemoOutcome::Kept, Some(DemoOutcome::TooLow)),
+                trial(DemoOutcome::Collision, None),
+                trial(DemoOutcome::Kept, Some(DemoOutcome::Kept)),
+            ],
+            offsets: vec![0, 2, 3],
+            states: (0..3 * STATE_DIM).map(|x| x as f32).collect(),
+            accelerations: vec![0.5; 3 * DOF],
+            targets: vec![0.25; 3 * DOF],
+            azimuths: vec![0.0, 0.2],
+            noisy: vec![0.25; 4 * 3 * CLOUD_POINTS],
+            clean: vec![0.5; 2 * 3 * CLOUD_POINTS],
+        }
+    }
+
+    #[test]
+    fn shard_round_trips() {
+        let back = PoseShard::decode(&shard().encode().unwrap()).unwrap();
+        assert_eq!(back, shard());
+        assert_eq!(back.kept().count(), 2);
+    }
+
+    #[test]
+    fn outcome_codes_match_names() {
+        for (i, (outcome, name)) in DemoOutcome::ALL.into_iter().enumerate() {
+            assert_eq!((outcome as usize, outcome.name()), (i, name));
+            assert_eq!(DemoOutcome::from_code(i as f32), Some(outcome));
+        }
+        assert_eq!(DemoOutcome::from_code(-1.0), None);
+    }
+
+    #[test]
+    fn decode_fails_when_shard_is_corrupt() {
+        let corrupt = PoseShard { offsets: vec![0, 2, 9], ..shard() };
+        let message = PoseShard::decode(&corrupt.encode().unwrap()).unwrap_err().to_string();
+        assert!(message.contains("do not cover its 3 rows"), "{message}");
+        let bytes = shard().encode().unwrap();
+        assert!(
+            PoseShard::decode(&bytes[..bytes.len() - 9]).is_err()
+                && PoseShard::decode(b"{}").is_err()
+        );
+    }
+}

@@ -1,0 +1,376 @@
+//! Convex decomposition of a mesh into few parts, for physics engines that collide convex shapes only.
+//!
+//! In: a repaired mesh. Out: the hull vertices of each part. A nearly convex mesh is one part. Any other
+//! mesh is cut into blocks of grid cells (`split`). Each part is the hull of the surface within its block.
+//! Parts whose joint hull adds little volume are merged. No step panics, and all results are bit-identical
+//! on every machine.
+
+mod split;
+mod voxel_grid;
+
+use crate::convex_hull::{convex_hull, convex_hull_within};
+use crate::{Mesh, bounds, mass_properties};
+use glamx::DVec3;
+use glamx::Vec3;
+use split::split;
+use voxel_grid::{Cell, CellBox, VoxelGrid};
+
+/// Method of the decomposition.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Method {
+    /// Cut along the planes of a cell grid.
+    Grid {
+        /// Cells along the longest side.
+        resolution: u32,
+    },
+    /// Single hull: the mesh is nearly convex, or the grid failed.
+    Hull,
+}
+
+/// Convex parts of a mesh.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ConvexDecomposition {
+    /// Vertices of each part's hull (m).
+    pub hulls: Vec<Vec<Vec3>>,
+    /// Method that produced the parts.
+    pub method: Method,
+}
+
+/// Max number of parts of a mesh.
+pub(super) const MAX_PARTS: u32 = 24;
+/// Cells along the longest side, in the order of the attempts.
+const RESOLUTIONS: [u32; 2] = [64, 32];
+/// Max number of vertices of a part.
+const MAX_PART_POINTS: usize = 64;
+/// Min distance of an added vertex from the hull (fraction of the part's longest side).
+///
+/// Physics engines fail on slivers.
+const MIN_DETAIL: f64 = 1e-3;
+/// Max number of vertices of the hull in the convexity test.
+const HULL_POINTS: usize = 2000;
+/// Min fraction of its hull's volume that a convex mesh fills.
+const CONVEX_FRACTION: f64 = 0.97;
+/// Max empty volume added by merging two parts (fraction of the total volume).
+const MERGE_TOLERANCE: f64 = 0.005;
+/// Thickness added to flat parts (fraction of the longest side).
+const SHEET_THICKNESS: f32 = 0.004;
+
+/// Decomposes a repaired mesh with the finest feasible grid; falls back to a single hull.
+pub fn decompose(mesh: &Mesh) -> ConvexDecomposition {
+    if !is_convex(mesh) {
+        for resolution in RESOLUTIONS {
+            if let Some(hulls) = decompose_on_grid(mesh, resolution, MAX_PARTS) {
+                return ConvexDecomposition { hulls, method: Method::Grid { resolution } };
+            }
+        }
+    }
+    ConvexDecomposition { hulls: vec![hull_vertices(&mesh.vertices)], method: Method::Hull }
+}
+
+/// Decomposes a repaired mesh into up to `max_parts` parts, with `resolution` cells along the longest side.
+///
+/// Returns one part if the mesh is nearly convex or the grid fails.
+pub fn decompose_at_resolution(mesh: &Mesh, resolution: u32, max_parts: u32) -> Vec<Vec<Vec3>> {
+    let parts = if is_convex(mesh) { None } else { decompose_on_grid(mesh, resolution, max_parts) };
+    parts.unwrap_or_else(|| vec![hull_vertices(&mesh.vertices)])
+}
+
+fn is_convex(mesh: &Mesh) -> bool {
+    let Some(hull) = convex_hull(&mesh.vertices, HULL_POINTS) else { return true };
+    let fraction = mass_properties::volume(mesh) / mass_properties::volume(&hull);
+    // Above 1, some volume counts twice, and the mesh may still be concave.
+    (CONVEX_FRACTION..=mass_properties::MAX_HULL_RATIO).contains(&fraction)
+}
+
+fn decompose_on_grid(mesh: &Mesh, resolution: u32, max_parts: u32) -> Option<Vec<Vec<Vec3>>> {
+    let grid = VoxelGrid::new(mesh, resolution)?;
+    let max_parts = max_parts.max(1) as usize;
+    let blocks = split(&grid, 2 * max_parts);
+    let point_sets = blocks.iter().map(|block| block_points(mesh, &grid, block));
+    let parts = point_sets
+        .filter(|points| !points.is_empty())
+        .map(|points| ConvexPart::new(hull_vertices(&points)));
+    let parts = merge_parts(parts.collect(), max_parts);
+    (!parts.is_empty()).then(|| parts.into_iter().map(|part| part.vertices).collect())
+}
+
+/// Hull vertices of a part and its volume (m³).
+struct ConvexPart {
+    vertices: Vec<Vec3>,
+    volume: f64,
+}
+
+impl ConvexPart {
+    fn new(vertices: Vec<Vec3>) -> Self {
+        let volume =
+            convex_hull(&vertices, usize::MAX).map_or(0.0, |mesh| mass_properties::volume(&mesh));
+        Self { vertices, volume }
+    }
+
+    fn merged(&self, other: &Self) -> Self {
+        Self::new(hull_vertices(&[&self.vertices[..], &other.vertices].concat()))
+    }
+}
+
+/// Merges the pair that adds the min empty volume, while it adds little or there are too many parts.
+fn merge_parts(mut parts: Vec<ConvexPart>, max_parts: usize) -> Vec<ConvexPart> {
+    let max_cost = MERGE_TOLERANCE * parts.iter().map(|part| part.volume).sum::<f64>();
+    let added = |a: &ConvexPart, b: &ConvexPart| a.merged(b).volume - a.volume - b.volume;
+    let mut pairs = Vec::new();
+    for i in 0..parts.len() {
+        pairs.extend((0..i).map(|j| (added(&parts[i], &parts[j]), i, j)));
+    }
+    // Merged parts keep their slot until the end, so that the indices in `pairs` stay valid.
+    let mut is_left = vec![true; parts.len()];
+    let mut num_parts = parts.len();
+    while let Some(&(cost, i, j)) = pairs.iter().min_by(|a, b| a.0.total_cmp(&b.0)) {
+        if cost > max_cost && num_parts <= max_parts {
+            break;
+        }
+        parts[j] = parts[i].merged(&parts[j]);
+        is_left[i] = false;
+        num_parts -= 1;
+        pairs.retain(|&(_, a, b)| ![a, b].contains(&i) && ![a, b].contains(&j));
+        let others = (0..parts.len()).filter(|&k| is_left[k] && k != j);
+        pairs.extend(others.map(|k| (added(&parts[k], &parts[j]), k.max(j), k.min(j))));
+    }
+    let parts = parts.into_iter().zip(is_left);
+    parts.filter_map(|(part, is_left)| is_left.then_some(part)).collect()
+}
+
+/// Points whose hull encloses the solid within a block: its surface there, and the block's corners inside it.
+fn block_points(mesh: &Mesh, grid: &VoxelGrid, block: &CellBox) -> Vec<Vec3> {
+    let plane = |cells: [usize; 3]| {
+        grid.origin + DVec3::from_array(cells.map(|i| i as f64)) * grid.cell_size
+    };
+    // The border of the grid separates the outermost planes from the mesh.
+    let [low, high] = [plane(block.low), plane(block.high)];
+    let mut points = Vec::new();
+    for triangle in &mesh.triangles {
+        let corners = triangle.map(|i| mesh.vertices[i as usize].as_dvec3());
+        let min = corners[0].min(corners[1]).min(corners[2]);
+        let max = corners[0].max(corners[1]).max(corners[2]);
+        if min.cmpgt(high).any() || max.cmplt(low).any() {
+            continue;
+        }
+        let mut polygon = corners.to_vec();
+        for axis in 0..3 {
+            polygon = clip(&polygon, |p| p[axis] - low[axis]);
+            polygon = clip(&polygon, |p| high[axis] - p[axis]);
+        }
+        points.extend(polygon.iter().map(|p| p.as_vec3()));
+    }
+    for corner in 0..8 {
+        let at = [0, 1, 2]
+            .map(|axis| if corner >> axis & 1 == 0 { block.low[axis] } else { block.high[axis] });
+        let touches_inside = (0..8).any(|side| {
+            // The eight cells around a lattice point; indices below 0 wrap and fail the size check.
+            let cell = [0, 1, 2].map(|axis| at[axis].wrapping_sub(side >> axis & 1));
+            (0..3).all(|axis| cell[axis] < grid.size[axis]) && grid.cell_at(cell) == Cell::Inside
+        });
+        if touches_inside {
+            points.push(plane(at).as_vec3());
+        }
+    }
+    points
+}
+
+/// Clips a convex polygon to the half-space where `height` >= 0 (Sutherland-Hodgman).
+fn clip(polygon: &[DVec3], height: impl Fn(DVec3) -> f64) -> Vec<DVec3> {
+    let mut kept = Vec::with_capacity(polygon.len() + 1);
+    for (i, &p) in polygon.iter().enumerate() {
+        let q = polygon[(i + 1) % polygon.len()];
+        let (a, b) = (height(p), height(q));
+        if a >= 0.0 {
+            kept.push(p);
+        }
+        if (a < 0.0) != (b < 0.0) {
+            kept.push(p + (q - p) * (a / (a - b)));
+        }
+    }
+    kept
+}
+
+/// Hull vertices of points; a flat set is thickened first, and a degenerate set is replaced by a box.
+fn hull_vertices(points: &[Vec3]) -> Vec<Vec3> {
+    let part_hull = |points: &[Vec3]| convex_hull_within(points, MAX_PART_POINTS, MIN_DETAIL);
+    let hull = part_hull(points).or_else(|| part_hull(&thickened(points)));
+    hull.map_or_else(|| bounding_box_corners(points), |mesh| mesh.vertices)
+}
+
+/// Coplanar points, duplicated with an offset to each side of their plane.
+fn thickened(points: &[Vec3]) -> Vec<Vec3> {
+    let first = points.first().copied().unwrap_or_default();
+    let longer = |a: Vec3, b: Vec3| if b.length_squared() > a.length_squared() { b } else { a };
+    let along = points.iter().map(|&p| p - first).fold(Vec3::ZERO, longer);
+    let across = points.iter().map(|&p| along.cross(p - first)).fold(Vec3::ZERO, longer);
+    let offset = across.normalize_or_zero() * (0.5 * SHEET_THICKNESS * along.length());
+    points.iter().flat_map(|&p| [p + offset, p - offset]).collect()
+}
+
+/// Corners of the bounding box, with a min thickness along each axis.
+fn bounding_box_corners(points: &[Vec3]) -> Vec<Vec3> {
+    let [low, high] = bounds(points);
+    let side = high - low;
+    let min_side = Vec3::splat((SHEET_THICKNESS * side.max_element()).max(1e-4));
+    let (center, half) = ((low + high) / 2.0, side.max(min_side) / 2.0);
+    let sign = |corner: u32, axis: u32| if corner >> axis & 1 == 0 { -1.0 } else { 1.0 };
+    (0..8).map(|i| center + half * Vec3::new(sign(i, 0), sign(i, 1), sign(i, 2))).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::repair::repair;
+    use crate::{RepairReport, test_meshes};
+    use rand::{RngExt, SeedableRng};
+
+    fn sum_of_volumes(hulls: &[Vec<Vec3>]) -> f64 {
+        hulls
+            .iter()
+            .map(|points| mass_properties::volume(&convex_hull(points, usize::MAX).unwrap()))
+            .sum()
+    }
+
+    /// A physics engine must build the same body from each part.
+    fn check(hulls: &[Vec<Vec3>]) {
+        for points in hulls {
+            assert!((4..=MAX_PART_POINTS).contains(&points.len()), "{} points", points.len());
+            let shape = parry3d::shape::ConvexPolyhedron::from_convex_hull(points).unwrap();
+            let got = parry3d::shape::Shape::mass_properties(&shape, 1.0).mass();
+            let wanted = mass_properties::volume(&convex_hull(points, usize::MAX).unwrap()) as f32;
+            assert!((got / wanted - 1.0).abs() < 1e-3, "wanted {wanted}, got {got}");
+        }
+    }
+
+    #[test]
+    fn l_shape_is_filled_by_two_or_three_parts() {
+        let parts = decompose(&test_meshes::l_shape());
+        assert_eq!(parts.method, Method::Grid { resolution: 64 });
+        assert!((2..=3).contains(&parts.hulls.len()), "{} parts", parts.hulls.len());
+        check(&parts.hulls);
+        let (got, wanted) =
+            (sum_of_volumes(&parts.hulls), f64::from(test_meshes::volume(&test_meshes::l_shape())));
+        assert!((got / wanted - 1.0).abs() < 0.02, "wanted {wanted}, got {got}");
+    }
+
+    #[test]
+    fn duplicated_surface_keeps_its_notch() {
+        let mut twice = test_meshes::l_shape();
+        let count = twice.vertices.len() as u32;
+        let copy = test_meshes::l_shape();
+        twice.vertices.extend(copy.vertices.iter().map(|v| *v + Vec3::splat(1e-4)));
+        twice.triangles.extend(copy.triangles.iter().map(|t| t.map(|i| i + count)));
+        let parts = decompose(&twice);
+        assert!(parts.hulls.len() > 1, "{:?}", parts.method);
+    }
+
+    #[test]
+    fn box_is_one_part_with_eight_vertices() {
+        let parts = decompose(&test_meshes::cube());
+        assert_eq!((parts.method, parts.hulls.len()), (Method::Hull, 1));
+        assert_eq!(parts.hulls[0].len(), 8);
+        assert_eq!(decompose_at_resolution(&test_meshes::cube(), 64, 8), parts.hulls);
+    }
+
+    #[test]
+    fn table_keeps_its_legs_and_the_space_between_them() {
+        let leg = |x: f32, y: f32| {
+            test_meshes::cuboid(Vec3::new(x, y, 0.0), Vec3::new(x + 0.02, y + 0.02, 0.1))
+        };
+        let top = test_meshes::cuboid(Vec3::new(0.0, 0.0, 0.1), Vec3::new(0.1, 0.1, 0.12));
+        let table = test_meshes::union(&[
+            leg(0.0, 0.0),
+            leg(0.08, 0.0),
+            leg(0.0, 0.08),
+            leg(0.08, 0.08),
+            top,
+        ]);
+        let hulls = decompose_at_resolution(&table, 64, 16);
+        check(&hulls);
+        assert!((5..=8).contains(&hulls.len()), "{} parts", hulls.len());
+        let (got, wanted) = (sum_of_volumes(&hulls), f64::from(test_meshes::volume(&table)));
+        assert!((got / wanted - 1.0).abs() < 0.02, "wanted {wanted}, got {got}");
+        let few = decompose_at_resolution(&table, 64, 3);
+        assert!(few.len() <= 3, "{} parts", few.len());
+    }
+
+    #[test]
+    fn open_box_stays_hollow() {
+        let mut mesh = test_meshes::cuboid(Vec3::ZERO, Vec3::splat(0.1));
+        mesh.triangles.retain(|t| t.iter().any(|&i| i < 4));
+        let (mesh, repair) = repair(mesh).unwrap();
+        assert!(
+            matches!(repair, RepairReport { watertight: false, boundary_edges: 4, .. }),
+            "{repair:?}"
+        );
+        let hulls = decompose_at_resolution(&mesh, 64, 16);
+        check(&hulls);
+        let fraction = sum_of_volumes(&hulls) / 0.001;
+        assert!(fraction < 0.2, "walls fill {fraction} of the box");
+    }
+
+    /// Four boxes of random sizes and poses that overlap.
+    fn heap_of_boxes(rng: &mut impl rand::Rng) -> Mesh {
+        let mut vector = || Vec3::from_array([(); 3].map(|()| rng.random_range(-0.1..0.1)));
+        let boxes = [(); 4].map(|()| {
+            let (half, axis, center) = (vector().abs() + 0.01, vector(), vector());
+            let rotation = glamx::Quat::from_xyzw(axis.x, axis.y, axis.z, 0.1).normalize();
+            let mut mesh = test_meshes::cuboid(-half, half);
+            mesh.vertices.iter_mut().for_each(|p| *p = rotation * *p + center);
+            mesh
+        });
+        test_meshes::union(&boxes)
+    }
+
+    #[test]
+    fn parts_cover_the_mesh() {
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(4);
+        for round in 0..3 {
+            let mesh = heap_of_boxes(&mut rng);
+            let parts = decompose(&mesh);
+            let hulls: Vec<_> =
+                parts.hulls.iter().map(|points| convex_hull(points, usize::MAX).unwrap()).collect();
+            let outside = |hull: &Mesh, p: Vec3| {
+                let planes = hull.triangles.iter().map(|t| t.map(|i| hull.vertices[i as usize]));
+                let height =
+                    |[a, b, c]: [Vec3; 3]| (b - a).cross(c - a).normalize_or_zero().dot(p - a);
+                planes.map(height).fold(f32::NEG_INFINITY, f32::max)
+            };
+            for &p in &mesh.vertices {
+                let distance =
+                    hulls.iter().map(|hull| outside(hull, p)).fold(f32::INFINITY, f32::min);
+                assert!(distance < 0.002, "round {round}: {p} is {distance} m outside all parts");
+            }
+            for points in &parts.hulls {
+                assert!(parry3d::shape::ConvexPolyhedron::from_convex_hull(points).is_some());
+            }
+        }
+    }
+
+    /// Golden values, equal on every machine and in wasm; they change only with the method.
+    #[test]
+    fn parts_and_mass_properties_are_bit_identical_everywhere() {
+        let mesh = heap_of_boxes(&mut rand_chacha::ChaCha8Rng::seed_from_u64(9));
+        let parts = decompose_at_resolution(&mesh, 32, 12);
+        let properties = crate::mass_properties(&mesh, true).unwrap();
+        let floats = parts.iter().flatten().flat_map(|p| p.to_array());
+        let floats = floats
+            .chain(properties.center_of_mass.to_array())
+            .chain(properties.inertia.into_iter().flatten());
+        let bytes: Vec<u8> = floats.flat_map(f32::to_le_bytes).collect();
+        let hash = blake3::hash(&bytes).to_hex();
+        assert_eq!((parts.len(), &hash[..16]), (7, "e80405c233ac45cc"));
+    }
+
+    #[test]
+    fn sheets_and_needles_get_a_volume() {
+        let sheet =
+            [[0.0, 0.0, 0.0], [0.1, 0.0, 0.05], [0.1, 0.1, 0.05], [0.0, 0.1, 0.0]].map(Vec3::from);
+        let mesh = Mesh { vertices: sheet.to_vec(), triangles: vec![[0, 1, 2], [0, 2, 3]] };
+        let parts = decompose(&mesh);
+        assert_eq!(parts.method, Method::Hull);
+        check(&parts.hulls);
+        check(&[hull_vertices(&[Vec3::ZERO, Vec3::X * 0.1, Vec3::X * 0.2]), hull_vertices(&[])]);
+    }
+}

@@ -1,0 +1,229 @@
+//! Mesh parsing: format detection, limits, and the parts shared by all formats.
+//!
+//! The format is detected from the content, never from the file name. The parsers are strict and small; only
+//! the JSON of glTF uses a library. mesh-loader expands every corner before a limit can apply, prefers the
+//! length of a binary STL to its header, and does not report the line of an invalid index. ply-rs-bw loops
+//! over the header's count for elements without properties, and rejects numbers such as `1.`.
+
+mod accessor;
+mod data_uri;
+mod gltf;
+mod obj;
+mod off;
+mod parse;
+mod ply;
+mod ply_header;
+mod stl;
+
+use crate::{Mesh, MeshError};
+use parse::is_text;
+
+/// Max file size (bytes).
+pub const MAX_BYTES: usize = 250_000_000;
+/// Max number of triangles.
+pub const MAX_TRIANGLES: usize = 5_000_000;
+/// Max number of vertices: enough for a triangle soup of `MAX_TRIANGLES`.
+const MAX_VERTICES: usize = 3 * MAX_TRIANGLES;
+
+/// Parses a mesh from OBJ, STL (text or binary), PLY (text or binary), OFF, GLB or glTF.
+///
+/// Out: coordinates in the units of the file; glTF is converted to z up.
+pub fn read(bytes: &[u8]) -> Result<Mesh, MeshError> {
+    if bytes.len() > MAX_BYTES {
+        return Err(MeshError::TooLarge { found: bytes.len(), limit: MAX_BYTES });
+    }
+    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+    if bytes.trim_ascii().is_empty() {
+        return Err(MeshError::Empty);
+    }
+    let detect = |has_magic: bool| {
+        let mut formats = FORMATS.iter().filter(|format| format.has_magic == has_magic);
+        formats.find_map(|format| (format.detect)(bytes))
+    };
+    if let Some(read) = detect(true) {
+        return read(bytes);
+    }
+    if let Some(found) = sniff_foreign_format(bytes) {
+        return Err(MeshError::UnknownFormat { found });
+    }
+    if let Some(read) = detect(false) {
+        return read(bytes);
+    }
+    let found = if is_text(bytes) { "plain text" } else { "binary data of an unknown type" };
+    Err(MeshError::UnknownFormat { found })
+}
+
+/// Parser of one format.
+type Reader = fn(&[u8]) -> Result<Mesh, MeshError>;
+
+/// A mesh format. A new format is a module of this folder and a row of [`FORMATS`].
+pub struct MeshFormat {
+    /// Name in messages and help texts.
+    pub name: &'static str,
+    /// File extensions without a dot, lower case. They are hints for users; detection reads the content.
+    pub extensions: &'static [&'static str],
+    /// Whether the first bytes identify the format. Formats without magic bytes are tried last, after other
+    /// known file types are excluded.
+    has_magic: bool,
+    /// Returns the parser if the bytes are of this format.
+    detect: fn(&[u8]) -> Option<Reader>,
+}
+
+/// All formats, in the order of detection.
+pub const FORMATS: [MeshFormat; 5] = [
+    MeshFormat {
+        name: "glTF",
+        extensions: &["glb", "gltf"],
+        has_magic: true,
+        detect: |bytes| gltf::is_gltf(bytes).then_some(gltf::read as Reader),
+    },
+    MeshFormat {
+        name: "PLY",
+        extensions: &["ply"],
+        has_magic: true,
+        detect: |bytes| ply::is_ply(bytes).then_some(ply::read as Reader),
+    },
+    MeshFormat {
+        name: "OFF",
+        extensions: &["off"],
+        has_magic: true,
+        detect: |bytes| off::is_off(bytes).then_some(off::read as Reader),
+    },
+    MeshFormat { name: "STL", extensions: &["stl"], has_magic: false, detect: stl::detect },
+    MeshFormat {
+        name: "OBJ",
+        extensions: &["obj"],
+        has_magic: false,
+        detect: |bytes| obj::is_obj(bytes).then_some(obj::read as Reader),
+    },
+];
+
+/// Whether the format of the file defines the up axis.
+pub(crate) fn defines_up_axis(bytes: &[u8]) -> bool {
+    gltf::is_gltf(bytes)
+}
+
+/// Type of a common non-mesh file, from its first bytes; `None` if unknown.
+fn sniff_foreign_format(bytes: &[u8]) -> Option<&'static str> {
+    let types: [(&[u8], &str); 12] = [
+        (b"\x89PNG", "a PNG image"),
+        (b"\xff\xd8\xff", "a JPEG image"),
+        (b"GIF8", "a GIF image"),
+        (b"RIFF", "a WebP image or an audio file"),
+        (b"%PDF", "a PDF document"),
+        (b"PK\x03\x04", "a ZIP archive or a 3MF file"),
+        (b"\x1f\x8b", "a gzip archive"),
+        (b"Kaydara FBX", "an FBX file"),
+        (b"BLENDER", "a Blender file"),
+        (b"ISO-10303-21", "a STEP file"),
+        (b"{", "JSON"),
+        (b"[", "JSON"),
+    ];
+    let start = bytes.trim_ascii_start();
+    let known = types.iter().find(|(magic, _)| start.starts_with(magic)).map(|&(_, name)| name);
+    known.or_else(|| {
+        let head = start[..start.len().min(1000)].to_ascii_lowercase();
+        let has = |tag: &[u8]| head.windows(tag.len()).any(|window| window == tag);
+        match start.first() {
+            Some(b'<') if has(b"<collada") => Some("a COLLADA (.dae) file"),
+            Some(b'<') if has(b"<html") || has(b"<!doctype html") => Some("a web page (HTML)"),
+            Some(b'<') => Some("XML"),
+            _ => None,
+        }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::parse::LineReader;
+    use super::*;
+    use crate::test_meshes;
+    use rand::{RngExt, SeedableRng};
+
+    #[test]
+    fn cube_has_the_same_volume_in_every_format() {
+        for (name, bytes) in test_meshes::all(&test_meshes::cube()) {
+            let mesh = read(&bytes).unwrap_or_else(|e| panic!("{name}: {e}"));
+            let volume = test_meshes::volume(&mesh);
+            assert!((volume - 1.0).abs() < 1e-6, "{name}: wanted 1, got {volume}");
+            assert_eq!(mesh.triangles.len(), 12, "{name}");
+        }
+    }
+
+    #[test]
+    fn truncated_files_do_not_panic() {
+        for (name, bytes) in test_meshes::all(&test_meshes::cube()) {
+            for length in 0..bytes.len() {
+                if let Ok(mesh) = read(&bytes[..length]) {
+                    let indices = mesh.triangles.iter().flatten();
+                    assert!(indices.max() < Some(&(mesh.vertices.len() as u32)), "{name}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn mutated_files_do_not_panic() {
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(7);
+        for (name, bytes) in test_meshes::all(&test_meshes::cube()) {
+            for _ in 0..2000 {
+                let mut bytes = bytes.clone();
+                for _ in 0..rng.random_range(1..6) {
+                    let offset = rng.random_range(0..bytes.len());
+                    match rng.random_range(0..4) {
+                        0 => bytes[offset] = rng.random(),
+                        1 => bytes[offset] ^= 1 << rng.random_range(0..8),
+                        2 => drop(bytes.remove(offset)),
+                        _ => {
+                            bytes.insert(offset, b"0123456789-./ \n\xff\0"[rng.random_range(0..17)])
+                        }
+                    }
+                }
+                if let Ok(mesh) = read(&bytes) {
+                    let repaired = crate::repair(mesh);
+                    assert!(
+                        repaired.is_err() || repaired.is_ok_and(|(m, _)| !m.triangles.is_empty()),
+                        "{name}"
+                    );
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn foreign_format_is_named_in_the_error() {
+        for (bytes, found) in [
+            (&b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR"[..], "a PNG image"),
+            (b"{\"object\": \"mug\"}", "JSON"),
+            (b"<!DOCTYPE html><html><body>404</body></html>", "a web page (HTML)"),
+            (b"<?xml version=\"1.0\"?><COLLADA/>", "a COLLADA (.dae) file"),
+            (b"Dear reader,\nthis is a letter.\n", "plain text"),
+            (b"\x00\x01\x02\x03 random", "binary data of an unknown type"),
+        ] {
+            assert_eq!(read(bytes), Err(MeshError::UnknownFormat { found }));
+        }
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(3);
+        let noise: Vec<u8> = (0..3000).map(|_| rng.random()).collect();
+        assert!(matches!(read(&noise), Err(MeshError::UnknownFormat { .. })));
+    }
+
+    #[test]
+    fn empty_and_oversized_files_are_rejected() {
+        assert_eq!(read(b""), Err(MeshError::Empty));
+        assert_eq!(read(b" \n\t"), Err(MeshError::Empty));
+        let error = read(&vec![b' '; MAX_BYTES + 1]).unwrap_err();
+        assert_eq!(error, MeshError::TooLarge { found: MAX_BYTES + 1, limit: MAX_BYTES });
+        let fan = format!("v 0 0 0\nf{}\n", " 1".repeat(MAX_TRIANGLES + 3));
+        let (found, limit) = (MAX_TRIANGLES as u64 + 1, MAX_TRIANGLES as u64);
+        assert_eq!(
+            read(fan.as_bytes()),
+            Err(MeshError::TooMany { what: "triangles", found, limit })
+        );
+    }
+
+    #[test]
+    fn all_three_line_endings_are_accepted() {
+        let split: Vec<_> = LineReader::new(b"a\r\nb\rc\n\nd").collect();
+        assert_eq!(split, [(1, &b"a"[..]), (2, b"b"), (3, b"c"), (4, b""), (5, b"d")]);
+    }
+}

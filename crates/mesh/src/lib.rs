@@ -1,0 +1,188 @@
+//! Triangle meshes: parsing, repair, units, mass properties, stable poses and convex decomposition.
+//!
+//! In: the untrusted bytes of an OBJ, STL, PLY, OFF, GLB or glTF file. Out: a [`Mesh`] in metres, with a
+//! report of repairs and assumptions. Independent of file names and physics engines.
+
+mod convex_decomposition;
+mod convex_hull;
+mod error;
+mod io;
+mod mass_properties;
+mod repair;
+mod simplify;
+mod stable_pose;
+mod summary;
+#[cfg(test)]
+mod test_meshes;
+mod unit;
+mod up_axis;
+
+pub use convex_decomposition::{ConvexDecomposition, Method, decompose, decompose_at_resolution};
+pub use convex_hull::convex_hull;
+pub use error::{Location, MeshError};
+pub use io::{FORMATS, MAX_BYTES, MAX_TRIANGLES, MeshFormat, read};
+pub use mass_properties::{MassProperties, mass_properties};
+pub use repair::{RepairReport, repair};
+pub use simplify::SimplifyReport;
+pub use stable_pose::{StablePose, is_stable, stable_poses};
+pub use summary::MeshSummary;
+pub use unit::{ResolvedUnit, Unit, guess_unit};
+
+use glamx::Vec3;
+
+/// Indexed triangle mesh; in metres, or in the units of the file before the unit is resolved.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Mesh {
+    /// Vertex positions (m), object frame.
+    pub vertices: Vec<Vec3>,
+    /// Corner indices into `vertices`, counter-clockwise seen from outside.
+    pub triangles: Vec<[u32; 3]>,
+}
+
+/// Repaired and scaled mesh, with the assumptions and repairs of the import.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ImportedMesh {
+    /// Repaired mesh (m), at the position of the file: not centred, not moved to the ground.
+    pub mesh: Mesh,
+    /// Unit of the file's coordinates, with the reason.
+    pub unit: ResolvedUnit,
+    /// Counts of the repairs and of the remaining defects.
+    pub repair: RepairReport,
+    /// Result of the simplification (m), if the file had more than [`SIMPLIFY_ABOVE_TRIANGLES`] triangles.
+    pub simplified: Option<SimplifyReport>,
+    /// Whether the mesh appears to be y-up, in a format that does not define the up axis.
+    pub is_y_up: bool,
+}
+
+/// Accepted length (m) of the longest side of the bounding box.
+const SIZE_RANGE_M: std::ops::RangeInclusive<f32> = 0.001..=10.0;
+
+/// Max number of triangles; a larger mesh is simplified to this number before all other steps.
+pub const SIMPLIFY_ABOVE_TRIANGLES: usize = 1_000_000;
+
+/// Parses, simplifies, repairs and scales a mesh; `unit` is guessed from the size if `None`.
+pub fn import(bytes: &[u8], unit: Option<Unit>) -> Result<ImportedMesh, MeshError> {
+    let mesh = read(bytes)?;
+    let (mesh, simplified) = match mesh.triangles.len() > SIMPLIFY_ABOVE_TRIANGLES {
+        true => {
+            let (mesh, simplified) = simplify::simplify(&mesh, SIMPLIFY_ABOVE_TRIANGLES);
+            (mesh, Some(simplified))
+        }
+        false => (mesh, None),
+    };
+    let (mesh, repair) = repair(mesh)?;
+    let extent = mesh.extent();
+    let unit =
+        unit.map_or_else(|| guess_unit(extent), |unit| ResolvedUnit::from_user(unit, extent));
+    let metres = unit.unit.metres();
+    let mesh = mesh.scaled(metres);
+    let simplified =
+        simplified.map(|s| SimplifyReport { max_displacement: s.max_displacement * metres, ..s });
+    let longest = mesh.extent().max_element();
+    if !SIZE_RANGE_M.contains(&longest) {
+        return Err(MeshError::SizeOutOfRange { longest, unit: unit.unit });
+    }
+    let is_y_up = !io::defines_up_axis(bytes) && up_axis::is_y_up(&mesh);
+    Ok(ImportedMesh { mesh, unit, repair, simplified, is_y_up })
+}
+
+impl Mesh {
+    /// Min and max corner of the axis-aligned bounding box (m); both are the origin if there are no vertices.
+    pub fn bounds(&self) -> [Vec3; 2] {
+        bounds(&self.vertices)
+    }
+
+    /// Extents of the bounding box along x, y and z (m).
+    pub fn extent(&self) -> Vec3 {
+        let [low, high] = self.bounds();
+        high - low
+    }
+
+    /// Translation (m) that moves the bottom of the bounding box to z = 0 and its centre to x = y = 0.
+    pub fn offset_to_ground(&self) -> Vec3 {
+        let [low, high] = self.bounds();
+        let center = 0.5 * (low + high);
+        -Vec3::new(center.x, center.y, low.z)
+    }
+
+    /// The mesh with each coordinate multiplied by `factor` (> 0).
+    pub fn scaled(mut self, factor: f32) -> Self {
+        self.vertices.iter_mut().for_each(|v| *v *= factor);
+        self
+    }
+
+    /// The mesh translated by `offset` (m).
+    pub fn translated(mut self, offset: Vec3) -> Self {
+        self.vertices.iter_mut().for_each(|v| *v += offset);
+        self
+    }
+}
+
+/// Min and max corner of the bounding box of points; both are the origin if there are none.
+fn bounds(points: &[Vec3]) -> [Vec3; 2] {
+    let Some(&first) = points.first() else { return [Vec3::ZERO; 2] };
+    points.iter().fold([first; 2], |[low, high], &p| [low.min(p), high.max(p)])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bounds_follow_scaling_and_translation() {
+        let mesh = test_meshes::cube().scaled(2.0).translated(Vec3::new(1.0, 0.0, -1.0));
+        assert_eq!(mesh.bounds(), [Vec3::new(1.0, 0.0, -1.0), Vec3::new(3.0, 2.0, 1.0)]);
+        assert_eq!(mesh.extent(), Vec3::splat(2.0));
+        assert_eq!(Mesh::default().bounds(), [Vec3::ZERO; 2]);
+    }
+
+    #[test]
+    fn import_scales_to_metres_and_keeps_the_position() {
+        let cube = test_meshes::cube().scaled(80.0).translated(Vec3::new(0.0, 0.0, 500.0));
+        let import = import(&test_meshes::obj(&cube), None).unwrap();
+        assert_eq!(import.unit.unit, Unit::Millimetre);
+        assert!(import.repair.watertight);
+        let [low, high] = import.mesh.bounds();
+        assert!((low.z - 0.5).abs() < 1e-6 && (high.z - 0.58).abs() < 1e-6, "{low} {high}");
+    }
+
+    #[test]
+    fn import_rejects_a_mesh_of_implausible_size() {
+        let bytes = test_meshes::obj(&test_meshes::cube().scaled(80.0));
+        let error = import(&bytes, Some(Unit::Metre)).unwrap_err();
+        assert_eq!(error, MeshError::SizeOutOfRange { longest: 80.0, unit: Unit::Metre });
+        assert!(error.to_string().contains("80 m"), "{error}");
+    }
+
+    /// The YCB scans are not in the repository; `NGF_SCANS` names their folder.
+    #[test]
+    fn scans_are_watertight_and_have_the_size_of_the_objects() {
+        let Ok(folder) = std::env::var("NGF_SCANS") else {
+            println!("skipped: NGF_SCANS is not set");
+            return;
+        };
+        let mut num_scans = 0;
+        for entry in std::fs::read_dir(&folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.extension().is_none_or(|e| e != "obj") {
+                continue;
+            }
+            let import = import(&std::fs::read(&path).unwrap(), None).unwrap();
+            assert!(import.repair.watertight, "{path:?}: {:?}", import.repair);
+            assert_eq!(import.unit.unit, Unit::Metre, "{path:?}");
+            assert!(!mass_properties(&import.mesh, true).unwrap().from_hull, "{path:?}");
+            let parts = decompose(&import.mesh);
+            println!("{path:?}: {:?}, {} parts", parts.method, parts.hulls.len());
+            assert!(parts.hulls.len() <= convex_decomposition::MAX_PARTS as usize, "{path:?}");
+            if path.ends_with("004_sugar_box.obj") {
+                let mut sides = import.mesh.extent().to_array().map(|x| x * 1000.0);
+                sides.sort_by(f32::total_cmp);
+                let wanted = [49.5, 94.2, 176.0];
+                let near = sides.iter().zip(wanted).all(|(got, want)| (got - want).abs() < 1.0);
+                assert!(near, "wanted {wanted:?} mm, got {sides:?}");
+            }
+            num_scans += 1;
+        }
+        assert!(num_scans > 0, "no *.obj in {folder}");
+    }
+}

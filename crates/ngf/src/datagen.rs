@@ -1,0 +1,114 @@
+//! Throughput of data generation on all threads, in items per second.
+
+use crate::bench::Row;
+use anyhow::{Context, Result};
+use grasps::catalog::catalog_grasps;
+use grasps::demonstration::{self, Demonstration, TrajectoryConfig};
+use grasps::trial::{self, Physics, TrialProtocol};
+use grasps::{PlacedObject, Posture, RobotContext, lift, object_poses};
+use objects::object::Object;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+use robot::JointState;
+use scene::depth_sensor::DepthSensor;
+use std::time::Instant;
+
+/// Reachable poses per object, and demonstrations per pose.
+const POSES_PER_OBJECT: usize = 12;
+const DEMOS_PER_POSE: usize = 4;
+
+/// A reachable grasp of a placed object, with its lift.
+struct Case<'a> {
+    placed: PlacedObject<'a>,
+    posture: Posture,
+    lift: Vec<JointState>,
+}
+
+/// Benchmark rows in items per second, for the sugar box and the bleach bottle.
+pub(crate) fn rows(robot: &RobotContext) -> Result<Vec<Row>> {
+    let objects = ["sugar_box", "bleach"].map(|name| (name, Object::from_catalog(name)));
+    let mut cases = Vec::new();
+    for (name, object) in &objects {
+        let object = object.as_ref().context("built-in object is missing")?;
+        cases.extend(cases_of(robot, name, object)?);
+    }
+    let trial = |physics| {
+        per_second(&cases, |case| {
+            let Case { placed: setting, posture, lift } = case;
+            trial::try_grasp(physics, setting, posture, lift, TrialProtocol::SHORT).map(|_| ())
+        })
+    };
+    let plan = |case: &Case| -> Vec<Demonstration> {
+        let palm = robot.tree.forward_kinematics(&case.posture.grasp).palm_pose();
+        let (place, bounds) = (&case.placed.world_from_object, &case.placed.object.bounds);
+        let mut rng = ChaCha8Rng::seed_from_u64(1);
+        let target = |_| {
+            let region = &robot.config.pregrasp_region;
+            demonstration::sample_pregrasp_pose(region, bounds, place, &palm, &mut rng)
+        };
+        let targets: Vec<_> = (0..DEMOS_PER_POSE).map(target).collect();
+        let config = TrajectoryConfig::standard();
+        let found = targets.iter().filter_map(|target| {
+            demonstration::demonstrate(&case.placed, &case.posture, target, &config).ok()
+        });
+        found.collect()
+    };
+    let start = Instant::now();
+    let demonstrations: Vec<Vec<Demonstration>> = cases.par_iter().map(plan).collect();
+    let planned = (cases.len() * DEMOS_PER_POSE) as f64 / start.elapsed().as_secs_f64();
+    let pairs: Vec<(&Case, &Demonstration)> = cases
+        .iter()
+        .zip(&demonstrations)
+        .flat_map(|(c, d)| d.iter().map(move |d| (c, d)))
+        .collect();
+    let replay = |physics| {
+        per_second(&pairs, |(case, demonstration)| {
+            let endurance = TrialProtocol::SHORT;
+            demonstration.replay(physics, &case.placed, &case.lift, endurance).map(|_| ())
+        })
+    };
+    let eye = DepthSensor::new(&robot.config, &robot.tree);
+    let seeds: Vec<u64> = (0..200).collect();
+    let clouds = per_second(&seeds, |seed| {
+        let mut rng = ChaCha8Rng::seed_from_u64(*seed);
+        let [x, y, yaw] = object_poses::sample_planar_pose(robot, &mut rng);
+        let mesh = &cases[*seed as usize % cases.len()].placed.object.mesh;
+        let frame = eye.capture(mesh, &robot.config.object_pose(x, y, yaw), &mut rng);
+        std::hint::black_box(eye.extract_cloud(&frame));
+        Ok(())
+    });
+    let row = |name, value| Row { name, value, unit: "/s" };
+    Ok(vec![
+        row("grasp_trials_hand", trial(Physics::HandOnly)?),
+        row("grasp_trials_full", trial(Physics::FullRobot)?),
+        row("fabric_trajectories", planned),
+        row("replays_hand", replay(Physics::HandOnly)?),
+        row("replays_full", replay(Physics::FullRobot)?),
+        row("clouds", clouds?),
+    ])
+}
+
+fn cases_of<'a>(robot: &'a RobotContext, name: &str, object: &'a Object) -> Result<Vec<Case<'a>>> {
+    let set = catalog_grasps(name).context("no bundled grasps")?;
+    let mut rng = ChaCha8Rng::seed_from_u64(0);
+    let mut cases = Vec::new();
+    while cases.len() < POSES_PER_OBJECT {
+        let [x, y, yaw] = object_poses::sample_planar_pose(robot, &mut rng);
+        let setting = PlacedObject::new(robot, object, &robot.config.object_pose(x, y, yaw));
+        let Some((_, posture)) = setting.reachable(&set.grasps).next() else { continue };
+        let lift = lift::plan_from_grasp(&setting, &posture)?.context("no lift")?;
+        cases.push(Case { placed: setting, posture, lift });
+    }
+    Ok(cases)
+}
+
+/// Items per second with all threads working.
+fn per_second<T: Sync>(
+    items: &[T],
+    work: impl Fn(&T) -> Result<(), scene::SceneError> + Sync + Send,
+) -> Result<f64> {
+    let start = Instant::now();
+    items.par_iter().try_for_each(work)?;
+    Ok(items.len() as f64 / start.elapsed().as_secs_f64())
+}

@@ -1,0 +1,187 @@
+//! List and contact sheet of the built-in objects, and selection of the object of a command.
+
+use anyhow::{Context, Result, bail};
+use mesh::SimplifyReport;
+use objects::catalog::CATALOG;
+use objects::import::{self, ImportCallbacks, ImportOptions, Orientation};
+use objects::object::Object;
+use std::ffi::OsStr;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+/// Options of `ngf objects`.
+#[derive(clap::Args)]
+pub(crate) struct ListOptions {
+    /// Write a contact sheet (SVG) to this file instead of printing the list
+    #[arg(long, value_name = "FILE")]
+    contact_sheet: Option<PathBuf>,
+}
+
+/// Lists or draws the built-in objects.
+pub(crate) fn run(options: &ListOptions) -> Result<()> {
+    if let Some(file) = &options.contact_sheet {
+        let sheet = dataset::report::contact_sheet().map_err(anyhow::Error::msg)?;
+        return files::atomic_file::write(file, sheet.as_bytes());
+    }
+    for entry in CATALOG {
+        let file = entry.object_file().map_err(anyhow::Error::msg)?;
+        let use_ = if entry.is_for_training() { "train" } else { "held out" };
+        println!("{:16} {:8} {:5.3} kg  {use_}", entry.name, entry.family, file.mass);
+    }
+    Ok(())
+}
+
+/// Options that select one object.
+#[derive(clap::Args)]
+pub(crate) struct ObjectOptions {
+    /// Name of a built-in object
+    #[arg(long, value_name = "NAME", conflicts_with = "mesh")]
+    object: Option<String>,
+    /// Mesh file: OBJ, STL, PLY, OFF, GLB or glTF
+    #[arg(long, value_name = "FILE")]
+    mesh: Option<PathBuf>,
+    /// Mass (kg) of the mesh
+    #[arg(long, value_name = "KG", requires = "mesh")]
+    mass: Option<f32>,
+    /// Density (kg/m³) of the mesh instead of its mass
+    #[arg(long, value_name = "KG_M3", conflicts_with = "mass", requires = "mesh")]
+    density: Option<f32>,
+    /// Friction coefficient instead of the default of the object
+    #[arg(long, value_name = "MU")]
+    friction: Option<f32>,
+}
+
+/// Object selected on the command line.
+pub(crate) struct SelectedObject {
+    /// Name of the object.
+    pub(crate) name: String,
+    /// Geometry, mass and friction.
+    pub(crate) object: Object,
+    /// Orientation on the table, if it comes from a mesh file.
+    pub(crate) orientation: Option<Orientation>,
+}
+
+impl SelectedObject {
+    /// Selects a built-in object.
+    pub(crate) fn built_in(name: &str) -> Result<Self> {
+        let object = dataset::generate::built_in_object(name)?;
+        Ok(Self { name: name.to_owned(), object, orientation: None })
+    }
+}
+
+impl ObjectOptions {
+    /// Loads the object, if one is selected.
+    pub(crate) fn load_optional(&self) -> Result<Option<SelectedObject>> {
+        let is_named = self.object.is_some() || self.mesh.is_some();
+        if !is_named && self.friction.is_some() {
+            bail!("--friction needs an object; select one with --object or --mesh");
+        }
+        if is_named { self.load().map(Some) } else { Ok(None) }
+    }
+
+    /// The mesh file, if no other object option is given.
+    pub(crate) fn mesh_only(&self) -> Result<Option<&Path>> {
+        let is_more = self.mass.is_some() || self.density.is_some() || self.friction.is_some();
+        if self.object.is_some() || is_more {
+            bail!(
+                "a share link already names its object; pass only --mesh FILE if the link refers to a mesh file"
+            );
+        }
+        Ok(self.mesh.as_deref())
+    }
+
+    /// Loads the object with the default stable pose.
+    pub(crate) fn load(&self) -> Result<SelectedObject> {
+        self.load_with(&mut ())
+    }
+
+    /// Loads the object; `guide` chooses a stable pose if the orientation in the file is unstable.
+    pub(crate) fn load_with(&self, guide: &mut impl ImportCallbacks) -> Result<SelectedObject> {
+        let subject = match (&self.object, &self.mesh) {
+            (Some(name), None) => SelectedObject::built_in(name)?,
+            (None, Some(path)) => import_mesh(path, &self.mass_spec()?, guide)?,
+            _ => bail!(
+                "select an object with --object, or a mesh file with --mesh and --mass or --density"
+            ),
+        };
+        Ok(match self.friction {
+            Some(friction) if !(friction.is_finite() && friction >= 0.0) => {
+                bail!("--friction must be zero or a positive number, found {friction}")
+            }
+            Some(friction) => {
+                SelectedObject { object: subject.object.with_friction(friction), ..subject }
+            }
+            None => subject,
+        })
+    }
+}
+
+/// Imports an object from a mesh file with the same defaults as the page. Its name is the file stem, or the
+/// file name if a built-in object has that stem. Prints notes about automatic choices to stderr.
+pub(crate) fn import_mesh(
+    path: &Path,
+    heaviness: &MassSpec,
+    guide: &mut impl ImportCallbacks,
+) -> Result<SelectedObject> {
+    let bytes = read_mesh_file(path).with_context(|| format!("cannot read {}", path.display()))?;
+    let text = |name: Option<&OsStr>| name.unwrap_or_default().to_string_lossy().into_owned();
+    let (stem, file_name) = (text(path.file_stem()), text(path.file_name()));
+    let name = if Object::from_catalog(&stem).is_some() { file_name } else { stem };
+    let mass = match heaviness {
+        MassSpec::Mass(mass) => Some(*mass),
+        MassSpec::Density(_) => None,
+    };
+    let import_options = ImportOptions { mass, ..ImportOptions::default() };
+    let found = import::import_object(&name, &bytes, import_options, guide)
+        .with_context(|| format!("{} is not a usable mesh", path.display()))?;
+    if let Some(SimplifyReport { triangles_before: from, .. }) = found.simplified {
+        eprintln!("{name}: simplified from {from} triangles");
+    }
+    let (orientation, reason) = found.orientation;
+    if let Some(message) = reason.message() {
+        eprintln!("{name}: {message}");
+    }
+    let object = match heaviness {
+        MassSpec::Mass(_) => found.object,
+        MassSpec::Density(density) => {
+            let volume = mesh::mass_properties(&found.object.mesh, found.repair.watertight)?.volume;
+            found.object.with_mass(density * volume as f32)
+        }
+    };
+    Ok(SelectedObject { name, object, orientation: Some(orientation) })
+}
+
+/// Mass of a mesh, as specified by the user.
+pub(crate) enum MassSpec {
+    /// Mass (kg).
+    Mass(f32),
+    /// Density (kg/m³).
+    Density(f32),
+}
+
+/// Checks that the value of an option is positive.
+pub(crate) fn check_positive(name: &str, value: f32, unit: &str) -> Result<f32> {
+    if value.is_finite() && value > 0.0 {
+        return Ok(value);
+    }
+    bail!("{name} must be a positive number ({unit}), found {value}")
+}
+
+impl ObjectOptions {
+    fn mass_spec(&self) -> Result<MassSpec> {
+        match (self.mass, self.density) {
+            (Some(mass), _) => check_positive("--mass", mass, "kg").map(MassSpec::Mass),
+            (None, Some(density)) => {
+                check_positive("--density", density, "kg/m³").map(MassSpec::Density)
+            }
+            (None, None) => bail!("a mesh needs --mass KG or --density KG_M3"),
+        }
+    }
+}
+
+/// Reads a file up to slightly more than the maximum mesh size.
+pub(crate) fn read_mesh_file(path: &Path) -> std::io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    std::fs::File::open(path)?.take(mesh::MAX_BYTES as u64 + 1).read_to_end(&mut bytes)?;
+    Ok(bytes)
+}

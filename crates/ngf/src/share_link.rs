@@ -1,0 +1,140 @@
+//! Share link to an attempt, as the page creates it: `…#v=1&o=sugar_box&…` (web/src/demo/share_link.ts).
+
+use anyhow::{Context, Result, bail};
+use mesh::Unit;
+use objects::import::{ImportOptions, Orientation};
+use std::collections::BTreeMap;
+
+/// Contents of a share link.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct ShareLink {
+    /// Name of a built-in object or of a mesh file.
+    pub(crate) object: String,
+    /// Import options of the mesh file.
+    pub(crate) options: ImportOptions,
+    /// Hash of shape, mass and friction.
+    pub(crate) object_hash: String,
+    /// Object pose: x, y (m), yaw (rad).
+    pub(crate) pose: [f32; 3],
+    /// Seed of the sensor noise and of the pre-grasp target.
+    pub(crate) seed: u64,
+    /// Name of the model, and hash of its files.
+    pub(crate) model: String,
+    pub(crate) model_hash: Option<String>,
+    /// Hash of the scene file and the robot description.
+    pub(crate) scene_hash: String,
+    /// Hash of the final state.
+    pub(crate) final_hash: String,
+}
+
+/// Supported version of share links.
+const VERSION: &str = "1";
+
+impl ShareLink {
+    /// Whether a command-line argument is a share link instead of a file path.
+    pub(crate) fn looks_like(text: &str) -> bool {
+        text.contains("#v=")
+    }
+
+    /// Parses a share link.
+    pub(crate) fn parse(text: &str) -> Result<Self> {
+        let (_, fragment) = text.split_once('#').context("the link has no part after #")?;
+        let fields: BTreeMap<String, String> =
+            form_urlencoded::parse(fragment.as_bytes()).into_owned().collect();
+        let field = |name: &str| {
+            let value = fields.get(name).filter(|value| !value.is_empty()).cloned();
+            value.with_context(|| format!("the link is incomplete: part \"{name}\" is missing"))
+        };
+        let version = field("v")?;
+        if version != VERSION {
+            bail!(
+                "the link has version {version}, not {VERSION}; open it on the page that created it"
+            );
+        }
+        let not_three = || "part \"p\" of the link is not three numbers";
+        let pose: Vec<f32> = field("p")?
+            .split(',')
+            .map(str::parse)
+            .collect::<Result<_, _>>()
+            .with_context(not_three)?;
+        Ok(Self {
+            object: field("o")?,
+            options: import_options(&fields)?,
+            object_hash: field("oh")?,
+            pose: pose.try_into().ok().with_context(not_three)?,
+            seed: field("s")?.parse().context("part \"s\" of the link is not a seed")?,
+            model: field("m")?,
+            model_hash: fields.get("mh").cloned(),
+            scene_hash: field("sc")?,
+            final_hash: field("h")?,
+        })
+    }
+}
+
+/// Unit, mass and orientation, if specified.
+fn import_options(fields: &BTreeMap<String, String>) -> Result<ImportOptions> {
+    let unit = |name: &String| match name.as_str() {
+        "m" => Ok(Unit::Metre),
+        "cm" => Ok(Unit::Centimetre),
+        "mm" => Ok(Unit::Millimetre),
+        "in" => Ok(Unit::Inch),
+        _ => bail!("part \"u\" of the link is not a supported unit: {name}"),
+    };
+    let orientation = |text: &String| match text.as_str() {
+        "file" => Ok(Orientation::AsInFile),
+        index => index
+            .parse()
+            .map(Orientation::StablePose)
+            .context("part \"st\" of the link is not a stable pose"),
+    };
+    let mass = |kg: &String| kg.parse().context("part \"kg\" of the link is not a mass");
+    Ok(ImportOptions {
+        unit: fields.get("u").map(unit).transpose()?,
+        mass: fields.get("kg").map(mass).transpose()?,
+        orientation: fields.get("st").map(orientation).transpose()?,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LINK: &str = "http://127.0.0.1:8787/#v=1&o=my+cup.obj&oh=ab&p=0.5%2C-0.1%2C1e-7&d=1&s=7&m=default&mh=cd&sc=ef&c=1%2C2%2C3%2C4%2C5%2C6&h=01";
+
+    #[test]
+    fn parse_reads_all_inputs_of_an_attempt() {
+        assert!(ShareLink::looks_like(LINK) && !ShareLink::looks_like("recording.json"));
+        let link = ShareLink::parse(LINK).unwrap();
+        assert_eq!(
+            (link.object.as_str(), link.pose, link.seed),
+            ("my cup.obj", [0.5, -0.1, 1e-7], 7)
+        );
+        assert_eq!((link.model_hash.as_deref(), link.final_hash.as_str()), (Some("cd"), "01"));
+        assert_eq!(link.options, ImportOptions::default());
+        let options =
+            ShareLink::parse(&LINK.replace("&p=", "&u=in&kg=0.25&st=2&p=")).unwrap().options;
+        let orientation = Some(Orientation::StablePose(2));
+        assert_eq!(
+            options,
+            ImportOptions { unit: Some(Unit::Inch), mass: Some(0.25), orientation }
+        );
+        let options = ShareLink::parse(&LINK.replace("&p=", "&st=file&p=")).unwrap().options;
+        assert_eq!(options.orientation, Some(Orientation::AsInFile));
+    }
+
+    #[test]
+    fn parse_names_invalid_part() {
+        for (from, to, cause) in [
+            ("v=1", "v=2", "version 2"),
+            ("&h=01", "", "\"h\" is missing"),
+            ("%2C1e-7", "", "three numbers"),
+            ("s=7", "s=x", "not a seed"),
+            ("&p=", "&u=ell&p=", "not a supported unit"),
+            ("&p=", "&kg=heavy&p=", "not a mass"),
+            ("&p=", "&st=head&p=", "not a stable pose"),
+        ] {
+            let error = ShareLink::parse(&LINK.replace(from, to)).unwrap_err();
+            assert!(format!("{error:#}").contains(cause), "{error:#}");
+        }
+    }
+}

@@ -1,0 +1,388 @@
+//! Imports an object from a mesh file.
+//!
+//! In: the bytes of the file and the user's options. Out: an [`Object`], with the assumptions and repairs.
+//! Mesh formats carry no unit, mass or orientation: unspecified values get deterministic defaults, so equal
+//! bytes and options give equal objects. The exception is [`OrientationReason::ChosenByModel`]: to reproduce
+//! such an import, pass its [`ImportedObject::orientation`] as an option.
+
+use crate::object::{DEFAULT_FRICTION, Object};
+use mesh::{self, ImportedMesh, Mesh, MeshError, RepairReport, ResolvedUnit, SimplifyReport, Unit};
+
+/// Density (kg/m³) assumed if no mass is given: that of a packed box of food.
+pub const DEFAULT_DENSITY: f64 = 600.0;
+/// Min and max assumed mass (kg): the range that the hand can lift.
+pub const MASS_RANGE: [f64; 2] = [0.02, 1.5];
+/// Max number of stable poses offered to the user, the most stable ones.
+pub const MAX_STABLE_POSES: usize = 6;
+
+/// User's options for a mesh file; `None` selects the default.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ImportOptions {
+    /// Unit of the coordinates; by default guessed from the size.
+    pub unit: Option<Unit>,
+    /// Mass (kg); by default volume times [`DEFAULT_DENSITY`], clamped to [`MASS_RANGE`].
+    pub mass: Option<f32>,
+    /// Orientation on the table; by default that of the file if it is stable.
+    pub orientation: Option<Orientation>,
+}
+
+/// Orientation of an object on the table; serialized as `"asInFile"` or `{"stablePose": 2}`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize, serde::Serialize)]
+#[serde(rename_all = "camelCase")]
+pub enum Orientation {
+    /// Orientation of the file.
+    AsInFile,
+    /// Index of a stable pose; 0 is the most stable one.
+    StablePose(usize),
+}
+
+/// Source of an object's mass.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum MassSource {
+    /// Given in the options.
+    Given,
+    /// Volume times [`DEFAULT_DENSITY`].
+    DefaultDensity,
+    /// The end of [`MASS_RANGE`] (kg) to which the estimate was clamped.
+    Clamped(f64),
+}
+
+/// Reason for an object's orientation.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "camelCase")]
+pub enum OrientationReason {
+    /// Given in the options, or stable in the orientation of the file.
+    Given,
+    /// The file appears to be y-up.
+    YUpFile,
+    /// The orientation of the file tilts slightly: the object settles on its base.
+    Settled,
+    /// The orientation of the file is unstable: the most stable pose is used.
+    Unstable,
+    /// The orientation of the file is unstable: [`ImportCallbacks::choose_orientation`] selected the pose.
+    ChosenByModel,
+}
+
+impl OrientationReason {
+    /// Message for the user; `None` for [`Self::Given`].
+    pub fn message(self) -> Option<&'static str> {
+        Some(match self {
+            Self::Given => return None,
+            Self::YUpFile => "The file appears to be y-up; the object was rotated to z-up.",
+            Self::Settled => {
+                "The object would tilt slightly in the orientation of the file; the pose after settling is used instead."
+            }
+            Self::Unstable => {
+                "The orientation in the file is unstable; the most stable pose is used instead."
+            }
+            Self::ChosenByModel => {
+                "The orientation in the file is unstable; the stable pose most similar to the training data is used instead."
+            }
+        })
+    }
+}
+
+/// An object from a mesh file, with the assumptions and repairs of the import.
+#[derive(Clone, Debug)]
+pub struct ImportedObject {
+    /// The object; its name is the file name.
+    pub object: Object,
+    /// Unit of the file's coordinates, with the reason.
+    pub unit: ResolvedUnit,
+    /// Counts of the repairs and of the remaining defects.
+    pub repair: RepairReport,
+    /// Result of the simplification, if the file had too many triangles.
+    pub simplified: Option<SimplifyReport>,
+    /// Whether volume and mass properties are those of the convex hull, because the surface is not closed.
+    pub volume_from_hull: bool,
+    /// Source of the mass.
+    pub mass_source: MassSource,
+    /// Number of stable poses offered; valid indices of [`Orientation::StablePose`] are below it.
+    pub num_stable_poses: usize,
+    /// Orientation on the table, with the reason.
+    pub orientation: (Orientation, OrientationReason),
+}
+
+/// Step of an import; each takes noticeable time for a large mesh.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ImportStep {
+    /// Parse and repair the triangles.
+    Parse,
+    /// Compute the stable poses.
+    StablePoses,
+    /// Decompose the mesh into convex parts.
+    Decompose,
+}
+
+/// Callbacks during an import.
+pub trait ImportCallbacks {
+    /// Reports the start of a step.
+    fn step(&mut self, _: ImportStep) {}
+
+    /// Chooses a stable pose for a mesh that is unstable in the orientation of its file.
+    ///
+    /// Receives the mesh in each stable pose, the most stable first. `None` selects the first.
+    fn choose_orientation(&mut self, _: impl Iterator<Item = Mesh>) -> Option<usize> {
+        None
+    }
+}
+
+/// No-op implementation.
+impl ImportCallbacks for () {}
+
+/// Imports an object from the bytes of a mesh file.
+pub fn import_object(
+    file_name: &str,
+    bytes: &[u8],
+    options: ImportOptions,
+    callbacks: &mut impl ImportCallbacks,
+) -> Result<ImportedObject, MeshError> {
+    callbacks.step(ImportStep::Parse);
+    let ImportedMesh { mesh, unit, repair, simplified, is_y_up } =
+        mesh::import(bytes, options.unit)?;
+    let properties = mesh::mass_properties(&mesh, repair.watertight)?;
+    let (kg, mass_source) = estimate_mass(properties.volume, options.mass);
+    callbacks.step(ImportStep::StablePoses);
+    let mut poses = mesh::stable_poses(&mesh.vertices, properties.center_of_mass);
+    // All poses count here: a round body has many that are more stable than the upright one.
+    let is_stable = poses.is_empty()
+        || poses.iter().any(mesh::StablePose::is_identity)
+        || mesh::is_stable(&mesh.vertices, properties.center_of_mass);
+    let y_up = poses.iter().position(mesh::StablePose::is_y_up).filter(|_| is_y_up);
+    let preferred = y_up.or_else(|| settled_pose(&poses).filter(|_| !is_stable));
+    let beyond_max =
+        preferred.filter(|index| *index >= MAX_STABLE_POSES).map(|index| poses.remove(index));
+    poses.truncate(MAX_STABLE_POSES);
+    // The preferred pose is always offered.
+    poses.extend(beyond_max);
+    let (orientation, reason) = match (options.orientation, preferred) {
+        (Some(orientation), _) => (orientation, OrientationReason::Given),
+        (None, Some(index)) => {
+            let reason = if y_up.is_some() {
+                OrientationReason::YUpFile
+            } else {
+                OrientationReason::Settled
+            };
+            (Orientation::StablePose(index.min(MAX_STABLE_POSES)), reason)
+        }
+        (None, None) if is_stable => (Orientation::AsInFile, OrientationReason::Given),
+        (None, None) => {
+            match callbacks
+                .choose_orientation(poses.iter().map(|pose| mesh.clone().rotated(&pose.rotation)))
+            {
+                Some(index) => (Orientation::StablePose(index), OrientationReason::ChosenByModel),
+                None => (Orientation::StablePose(0), OrientationReason::Unstable),
+            }
+        }
+    };
+    let (mesh, orientation) = match orientation {
+        Orientation::StablePose(index) if index < poses.len() => {
+            (mesh.rotated(&poses[index].rotation), orientation)
+        }
+        _ => (mesh, Orientation::AsInFile),
+    };
+    callbacks.step(ImportStep::Decompose);
+    let parts = mesh::decompose(&mesh).hulls;
+    let object = Object::new(file_name, mesh, repair.watertight, parts, kg, DEFAULT_FRICTION)?;
+    Ok(ImportedObject {
+        object,
+        unit,
+        repair,
+        simplified,
+        volume_from_hull: properties.from_hull,
+        mass_source,
+        num_stable_poses: poses.len(),
+        orientation: (orientation, reason),
+    })
+}
+
+/// Cosine of the max tilt (15 degrees) that counts as upright: the base of a scan is never flat.
+const MAX_SETTLE_TILT_COS: f64 = 0.966;
+
+/// Index of the pose in which the mesh settles from the orientation of its file, if it tilts by under 15
+/// degrees.
+fn settled_pose(poses: &[mesh::StablePose]) -> Option<usize> {
+    let tilt_cos = |index: &usize| poses[*index].tilt_cos();
+    let nearest = (0..poses.len()).max_by(|a, b| tilt_cos(a).total_cmp(&tilt_cos(b)))?;
+    (tilt_cos(&nearest) > MAX_SETTLE_TILT_COS).then_some(nearest)
+}
+
+/// Mass (kg) of a volume (m³), unless a valid mass is given.
+fn estimate_mass(volume: f64, given: Option<f32>) -> (f32, MassSource) {
+    if let Some(kg) = given.filter(|kg| kg.is_finite() && *kg > 0.0) {
+        return (kg, MassSource::Given);
+    }
+    let assumed = DEFAULT_DENSITY * volume;
+    let kg = assumed.clamp(MASS_RANGE[0], MASS_RANGE[1]);
+    (kg as f32, if kg == assumed { MassSource::DefaultDensity } else { MassSource::Clamped(kg) })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    // A box of 40 x 60 x 120 mm.
+    const BOX: &str = "v 0 0 0\nv 40 0 0\nv 40 60 0\nv 0 60 0\nv 0 0 120\nv 40 0 120\nv 40 60 120\n\
+        v 0 60 120\nf 1 4 3 2\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n";
+
+    fn import_obj(text: &str, options: ImportOptions) -> ImportedObject {
+        let mut callbacks = TallestPose::default();
+        let found = import_object("box.obj", text.as_bytes(), options, &mut callbacks).unwrap();
+        assert_eq!(
+            callbacks.0,
+            [ImportStep::Parse, ImportStep::StablePoses, ImportStep::Decompose]
+        );
+        found
+    }
+
+    /// Records the steps, and chooses the tallest pose.
+    #[derive(Default)]
+    struct TallestPose(Vec<ImportStep>);
+
+    impl ImportCallbacks for TallestPose {
+        fn step(&mut self, step: ImportStep) {
+            self.0.push(step);
+        }
+
+        fn choose_orientation(&mut self, poses: impl Iterator<Item = Mesh>) -> Option<usize> {
+            let heights = poses.map(|mesh| mesh.extent().z).enumerate();
+            heights.max_by(|(_, a), (_, b)| a.total_cmp(b)).map(|(index, _)| index)
+        }
+    }
+
+    #[test]
+    fn unspecified_options_use_defaults() {
+        let found = import_obj(BOX, ImportOptions::default());
+        assert_eq!(
+            (found.unit.unit, found.mass_source),
+            (Unit::Millimetre, MassSource::DefaultDensity)
+        );
+        assert!((f64::from(found.object.mass) - 600.0 * 0.04 * 0.06 * 0.12).abs() < 1e-6);
+        assert_eq!(
+            (found.num_stable_poses, found.orientation),
+            (6, (Orientation::AsInFile, OrientationReason::Given))
+        );
+    }
+
+    #[test]
+    fn given_options_override_defaults() {
+        let options = ImportOptions {
+            unit: Some(Unit::Inch),
+            mass: Some(0.3),
+            orientation: Some(Orientation::StablePose(0)),
+        };
+        let text = BOX.replace("120", "12").replace("60", "6").replace("40", "4");
+        let found = import_obj(&text, options);
+        assert_eq!((found.object.mass, found.mass_source), (0.3, MassSource::Given));
+        // The most stable pose is on the largest face, 6 x 12 inches; the height is 4 inches.
+        assert!((found.object.size().z - 4.0 * 0.0254).abs() < 1e-6, "{}", found.object.size());
+    }
+
+    #[test]
+    fn estimated_mass_is_clamped_to_the_liftable_range() {
+        for (unit, kg) in [(Unit::Centimetre, 1.5), (Unit::Millimetre, 0.02)] {
+            let text = BOX.replace("120", "30").replace("60", "30").replace("40", "30");
+            let found =
+                import_obj(&text, ImportOptions { unit: Some(unit), ..ImportOptions::default() });
+            assert_eq!(found.mass_source, MassSource::Clamped(kg));
+            assert_eq!(found.object.mass, kg as f32);
+        }
+    }
+
+    #[test]
+    fn slightly_tilted_mesh_settles_on_its_base() {
+        // One corner of the base is 5 mm too low.
+        let uneven = BOX.replace("v 40 60 0", "v 40 60 -5");
+        let found = import_obj(&uneven, ImportOptions::default());
+        assert!(
+            matches!(found.orientation, (Orientation::StablePose(_), OrientationReason::Settled)),
+            "{:?}",
+            found.orientation
+        );
+        assert!((0.115..0.13).contains(&found.object.size().z), "{}", found.object.size());
+    }
+
+    #[test]
+    fn mesh_with_bulged_base_keeps_its_orientation() {
+        let bulge = BOX.replace("v 0 60 120\n", "v 0 60 120\nv 20 30 -0.5\n");
+        let bulge = bulge.replace("f 1 4 3 2", "f 1 4 9\nf 4 3 9\nf 3 2 9\nf 2 1 9");
+        let orientation = import_obj(&bulge, ImportOptions::default()).orientation;
+        assert_eq!(orientation, (Orientation::AsInFile, OrientationReason::Given));
+    }
+
+    /// The YCB scans are not in the repository; `NGF_SCANS` names their folder.
+    #[test]
+    fn scans_keep_their_orientation() {
+        let Ok(folder) = std::env::var("NGF_SCANS") else {
+            println!("skipped: NGF_SCANS is not set");
+            return;
+        };
+        let mut num_scans = 0;
+        for entry in std::fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            let bytes = std::fs::read(&path).unwrap();
+            let Ok(import) = mesh::import(&bytes, None) else { continue };
+            num_scans += 1;
+            let height = import.mesh.extent().z;
+            let found =
+                import_object("scan.obj", &bytes, ImportOptions::default(), &mut ()).unwrap();
+            println!(
+                "{path:?}: {:?}, {} of {height} m high",
+                found.orientation,
+                found.object.size().z
+            );
+            assert!((found.object.size().z - height).abs() < 0.03 * height, "{path:?}");
+        }
+        assert!(num_scans > 0, "NGF_SCANS has no scans");
+    }
+
+    #[test]
+    fn unstable_mesh_takes_the_most_stable_or_the_chosen_pose() {
+        // A box on an edge is unstable, for each of the four edges.
+        for raised in
+            [[[40, 60], [40, 0]], [[40, 60], [0, 60]], [[0, 60], [0, 0]], [[40, 0], [0, 0]]]
+        {
+            let raise = |text: String, [x, y]: [i32; 2]| {
+                text.replace(&format!("v {x} {y} 0\n"), &format!("v {x} {y} 90\n"))
+            };
+            let tilted = raised.into_iter().fold(BOX.to_owned(), raise);
+            assert_ne!(tilted, BOX);
+            let found =
+                import_object("box.obj", tilted.as_bytes(), ImportOptions::default(), &mut ())
+                    .unwrap();
+            assert_eq!(found.orientation.1, OrientationReason::Unstable, "{raised:?}");
+        }
+        let tilted = BOX.replace("v 40 60 0", "v 40 60 90").replace("v 40 0 0", "v 40 0 90");
+        let most_stable =
+            import_object("box.obj", tilted.as_bytes(), ImportOptions::default(), &mut ()).unwrap();
+        assert_eq!(
+            most_stable.orientation,
+            (Orientation::StablePose(0), OrientationReason::Unstable)
+        );
+        let chosen = import_obj(&tilted, ImportOptions::default());
+        assert!(
+            matches!(
+                chosen.orientation,
+                (Orientation::StablePose(1..), OrientationReason::ChosenByModel)
+            ),
+            "{:?}",
+            chosen.orientation
+        );
+        assert!(chosen.object.size().z > most_stable.object.size().z);
+        // A given pose takes precedence over the callback.
+        let options = ImportOptions {
+            orientation: Some(Orientation::StablePose(0)),
+            ..ImportOptions::default()
+        };
+        assert_eq!(
+            import_obj(&tilted, options).orientation,
+            (Orientation::StablePose(0), OrientationReason::Given)
+        );
+        // An index beyond the stable poses falls back to the orientation of the file.
+        let options = ImportOptions {
+            orientation: Some(Orientation::StablePose(77)),
+            ..ImportOptions::default()
+        };
+        assert_eq!(import_obj(BOX, options).orientation.0, Orientation::AsInFile);
+    }
+}

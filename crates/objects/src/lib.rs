@@ -1,0 +1,13 @@
+//! Objects: the built-in catalogue, shape variants, and the import of mesh files.
+//!
+//! In: lofts of `assets/objects`, or the bytes of a mesh file with [`import::ImportOptions`]. Out: an
+//! [`Object`] with mesh, convex parts, mass and friction, at rest on z = 0.
+
+pub mod catalog;
+pub mod import;
+pub mod loft;
+pub mod object;
+pub mod shape_variant;
+pub mod symmetry;
+
+pub use object::Object;

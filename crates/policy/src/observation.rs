@@ -1,0 +1,115 @@
+//! Observation of an object: its azimuth about the robot, and z of its cloud in the canonical frame.
+//!
+//! *Departure: in the paper, z also encodes the azimuth. Here cloud and joints are first rotated about the
+//! robot's vertical axis to azimuth 0. The robot's first joint has this axis, so the rotated task is the same
+//! task. This removes one of the three dimensions of an object's pose from the learning problem.*
+
+use crate::network::Network;
+use geometry::Vec3;
+use robot::{Isometry, JointState, JointVector, rotation};
+
+/// The policy's observation of an object, made once before an attempt.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Observation {
+    /// Angle (rad) about the robot's vertical axis, from the x axis to the mean of the cloud.
+    pub azimuth: f64,
+    /// z, whitened, or the scaled position of the cloud, both in the canonical frame
+    /// ([`crate::ObservationKind`]).
+    pub latent: Vec<f32>,
+}
+
+/// Rotates a cloud (base frame) about the robot's vertical axis, so that its mean is at azimuth 0. Also
+/// returns the original azimuth (rad).
+pub fn canonicalize(cloud: &[Vec3]) -> (f64, Vec<Vec3>) {
+    let sum = cloud.iter().fold(Vec3::ZERO, |sum, point| sum + *point);
+    let azimuth = libm::atan2f(sum.y, sum.x);
+    let (sin, cos) = (libm::sinf(azimuth), libm::cosf(azimuth));
+    let rotate = |p: &Vec3| Vec3::new(cos * p.x + sin * p.y, cos * p.y - sin * p.x, p.z);
+    (f64::from(azimuth), cloud.iter().map(rotate).collect())
+}
+
+/// Rotates a cloud from the canonical frame to an azimuth (rad); the inverse of [`canonicalize`].
+pub fn cloud_from_canonical(azimuth: f64, cloud: &[Vec3]) -> Vec<Vec3> {
+    let (sin, cos) = libm::sincosf(azimuth as f32);
+    let rotate = |p: &Vec3| Vec3::new(cos * p.x - sin * p.y, sin * p.x + cos * p.y, p.z);
+    cloud.iter().map(rotate).collect()
+}
+
+impl Observation {
+    /// q̈ (rad/s²) of a policy at a state; `None` if it is not finite.
+    pub fn acceleration(&self, network: &Network, state: &JointState) -> Option<JointVector> {
+        network.acceleration(&self.state_to_canonical(state), &self.latent)
+    }
+
+    /// A state in the canonical frame: the first joint is shifted by the azimuth.
+    pub fn state_to_canonical(&self, state: &JointState) -> JointState {
+        JointState { q: self.to_canonical(&state.q), qd: state.qd }
+    }
+
+    /// A configuration (rad) in the canonical frame.
+    pub fn to_canonical(&self, q: &JointVector) -> JointVector {
+        let mut canonical = *q;
+        canonical[0] -= self.azimuth;
+        canonical
+    }
+
+    /// A configuration (rad) of the canonical frame, rotated to the object's azimuth.
+    pub fn from_canonical(&self, canonical: &JointVector) -> JointVector {
+        let mut q = *canonical;
+        q[0] += self.azimuth;
+        q
+    }
+
+    /// A pose (base frame) in the canonical frame.
+    pub fn pose_to_canonical(&self, pose: &Isometry) -> Isometry {
+        rotation::rotation_z(-self.azimuth) * pose
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use geometry::Pose;
+    use robot::KinematicTree;
+
+    fn cloud() -> Vec<Vec3> {
+        (0..40)
+            .map(|k| {
+                let wave = |seed: f32| 0.05 * libm::sinf(seed * k as f32);
+                Vec3::new(0.6 + wave(1.3), 0.1 + wave(2.1), -0.1 + wave(0.7))
+            })
+            .collect()
+    }
+
+    fn turned(cloud: &[Vec3], turn: f32) -> Vec<Vec3> {
+        let turn = Pose::new(Vec3::ZERO, Vec3::Z * turn);
+        cloud.iter().map(|p| turn * *p).collect()
+    }
+
+    #[test]
+    fn canonical_cloud_is_invariant_to_azimuth() {
+        let (azimuth, canonical) = canonicalize(&cloud());
+        let mean = canonical.iter().sum::<Vec3>() / canonical.len() as f32;
+        assert!(mean.y.abs() < 1e-6 && mean.x > 0.6, "{mean}");
+        for turn in [-2.0f32, -0.4, 0.3, 1.5] {
+            let (other, same) = canonicalize(&turned(&cloud(), turn));
+            assert!((other - azimuth - f64::from(turn)).abs() < 1e-6, "{other}");
+            let error =
+                canonical.iter().zip(&same).map(|(a, b)| a.distance(*b)).fold(0.0, f32::max);
+            assert!(error < 1e-6, "error {error} m");
+        }
+    }
+
+    #[test]
+    fn palm_pose_and_joints_rotate_consistently() {
+        let tree = KinematicTree::iiwa7_allegro().unwrap();
+        let encoding = Observation { azimuth: 0.4, latent: vec![] };
+        let q = JointVector::from_fn(|i, _| 0.3 * libm::cos(i as f64));
+        let canonical = encoding.to_canonical(&q);
+        assert!((encoding.from_canonical(&canonical) - q).amax() < 1e-15);
+        let wanted = tree.forward_kinematics(&canonical).palm_pose();
+        let got = encoding.pose_to_canonical(&tree.forward_kinematics(&q).palm_pose());
+        assert!((wanted.translation.vector - got.translation.vector).norm() < 1e-12);
+        assert!(rotation::angle_between(&wanted.rotation, &got.rotation) < 1e-7);
+    }
+}

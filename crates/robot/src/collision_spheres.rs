@@ -1,0 +1,52 @@
+//! Spheres that cover the robot, for distance computations of the motion planner.
+
+use crate::{KinematicTree, UrdfError, Vector};
+
+/// A sphere fixed to a body.
+#[derive(Clone, Debug)]
+pub struct Sphere {
+    /// Index of the body.
+    pub body: usize,
+    /// Centre (m), body frame.
+    pub center: Vector,
+    /// Radius (m).
+    pub radius: f64,
+    /// Name of the URDF link that the sphere covers.
+    pub link: String,
+}
+
+#[derive(serde::Deserialize)]
+struct SphereFile {
+    spheres: Vec<SphereRow>,
+}
+
+#[derive(serde::Deserialize)]
+struct SphereRow {
+    link: String,
+    center: [f64; 3],
+    radius: f64,
+}
+
+impl KinematicTree {
+    /// Reads the spheres of `assets/robot/collision_spheres.json` and transforms them to body frames.
+    pub fn collision_spheres(&self) -> Result<Vec<Sphere>, UrdfError> {
+        let text = include_str!("../../../assets/robot/collision_spheres.json");
+        let file: SphereFile = serde_json::from_str(text)
+            .map_err(|error| UrdfError::Tree(format!("collision_spheres.json: {error}")))?;
+        file.spheres
+            .into_iter()
+            .map(|row| {
+                let Some(frame) = self.frames.get(&row.link) else {
+                    return Err(UrdfError::Tree(format!(
+                        "collision_spheres.json: unknown link {}",
+                        row.link
+                    )));
+                };
+                let center =
+                    frame.body_from_frame.transform_point(&Vector::from(row.center).into());
+                let (body, center) = (frame.body, center.coords);
+                Ok(Sphere { body, center, radius: row.radius, link: row.link })
+            })
+            .collect()
+    }
+}

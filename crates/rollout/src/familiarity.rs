@@ -1,0 +1,83 @@
+//! Familiarity of an object: its similarity to the training objects of a model.
+
+use crate::attempt::sample_pose_with_rng;
+use crate::rollout_context::RolloutContext;
+use geometry::{Pose, Vec3, point_cloud};
+use mesh::Mesh;
+use objects::catalog::parse_variant;
+use objects::import::ImportCallbacks;
+use policy::{Model, Observation};
+use scene::camera::RenderMesh;
+
+/// Out-of-distribution measure of an observation.
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Familiarity {
+    /// Mean distance (m) between point cloud and reconstruction; small for objects similar to training data.
+    pub reconstruction_error: f32,
+    /// Nearest training object in latent space, if the model stores the training objects.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub nearest: Option<NearestObject>,
+}
+
+/// A training object and its distance in latent space.
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct NearestObject {
+    /// Name of the training object.
+    pub object: String,
+    /// Distance in whitened z: 1 is a standard deviation of a latent dimension over the training data.
+    pub distance: f32,
+}
+
+impl NearestObject {
+    /// Name of the object. For a shape variant, the name of its base object.
+    pub fn base_name(&self) -> &str {
+        parse_variant(&self.object).map_or(&self.object, |(base, _)| base)
+    }
+}
+
+/// Number of views per orientation of a mesh: the object poses of seeds 0, 1, ...
+const NUM_VIEWS: u64 = 4;
+
+impl Familiarity {
+    /// Measures the familiarity of a cloud and its observation; `None` without a point-cloud latent.
+    pub fn measure(model: &Model, observation: &Observation, cloud: &[Vec3]) -> Option<Self> {
+        let (_, canonical) = policy::observation::canonicalize(cloud);
+        let error =
+            point_cloud::mean_nearest_distance(&model.reconstruct(observation)?, &canonical);
+        let nearest = model.start_model.nearest_training_object(&observation.latent);
+        let nearest =
+            nearest.map(|(object, distance)| NearestObject { object: object.into(), distance });
+        Some(Self { reconstruction_error: error, nearest })
+    }
+}
+
+impl RolloutContext {
+    /// Index of the most familiar mesh: min mean [`Familiarity::reconstruction_error`] over several views.
+    /// `None` without a point-cloud model.
+    pub fn most_familiar(&self, meshes: impl Iterator<Item = Mesh>) -> Option<usize> {
+        let model = self.model.as_ref()?;
+        let total_error = |mesh: Mesh| {
+            let offset = mesh.offset_to_ground();
+            let surface = RenderMesh::from_mesh(&mesh.translated(offset), &Pose::IDENTITY)?;
+            let errors = (0..NUM_VIEWS).map(|seed| {
+                let ([x, y, yaw], mut rng) = sample_pose_with_rng(&self.robot, seed);
+                let placed = surface.at_pose(&self.robot.config.object_pose(x, y, yaw));
+                let cloud = self.sensor.extract_cloud(&self.sensor.capture_mesh(placed, &mut rng));
+                let likeness = Familiarity::measure(model, &model.observe(&cloud)?, &cloud)?;
+                Some(likeness.reconstruction_error)
+            });
+            errors.sum::<Option<f32>>()
+        };
+        let errors =
+            meshes.enumerate().filter_map(|(index, mesh)| Some((index, total_error(mesh)?)));
+        let best = errors.min_by(|(_, a), (_, b)| a.total_cmp(b));
+        best.map(|(index, _)| index)
+    }
+}
+
+/// Chooses the most familiar stable pose for meshes with an unstable orientation.
+impl ImportCallbacks for &RolloutContext {
+    fn choose_orientation(&mut self, poses: impl Iterator<Item = Mesh>) -> Option<usize> {
+        self.most_familiar(poses)
+    }
+}

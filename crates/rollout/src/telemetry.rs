@@ -1,0 +1,62 @@
+//! Telemetry of an attempt, one sample per control period.
+
+use policy::head::{AccelerationTerms, NeuralFabric};
+use policy::{Model, Observation};
+use robot::{JointLimits, JointState};
+
+/// Telemetry of one control period.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct TelemetrySample {
+    /// Energy ½ q̇ᵀq̇ (rad²/s²), which α_L conserves along the geometry.
+    pub energy: f64,
+    /// Min distance (rad) of any joint to its nearest limit.
+    pub limit_margin: f64,
+    /// Max damping rate λ_max(B) + β (1/s); `None` without a fabric.
+    pub damping: Option<f64>,
+    /// Norms of the acceleration terms; `None` without a fabric.
+    pub terms: Option<TermNorms>,
+}
+
+/// Norms (rad/s²) of the acceleration terms of a fabric.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct TermNorms {
+    /// Norm of the geometry term.
+    pub geometry: f64,
+    /// Norm of the energization term.
+    pub energization: f64,
+    /// Norm of the potential term.
+    pub potential: f64,
+    /// Norm of the damping term.
+    pub damping: f64,
+}
+
+impl From<AccelerationTerms> for TermNorms {
+    fn from(terms: AccelerationTerms) -> Self {
+        Self {
+            geometry: terms.geometry.norm(),
+            energization: terms.energization.norm(),
+            potential: terms.potential.norm(),
+            damping: terms.damping.norm(),
+        }
+    }
+}
+
+impl TelemetrySample {
+    /// Computes the telemetry of a commanded state, with fabric terms if a network computes the commands.
+    pub(crate) fn new(
+        state: &JointState,
+        limits: &JointLimits,
+        network: Option<(&Model, &Observation)>,
+    ) -> Self {
+        let fabric = network.and_then(|(model, observation)| {
+            let state = observation.state_to_canonical(state);
+            model.network.fabric(&state, &observation.latent)
+        });
+        Self {
+            energy: 0.5 * state.qd.norm_squared(),
+            limit_margin: limits.min_margin(&state.q),
+            damping: fabric.as_ref().map(NeuralFabric::max_damping_rate),
+            terms: fabric.and_then(|fabric| fabric.terms(&state.qd)).map(TermNorms::from),
+        }
+    }
+}

@@ -1,0 +1,233 @@
+//! Full scene in rapier: physics steps, joint tracking, poses and contacts.
+
+use crate::colliders;
+use crate::config::{SceneConfig, SceneError};
+use crate::links::{self, set_motor_target};
+use crate::simulation::{ContactForce, ContactState, Simulation};
+use crate::tabletop::TabletopWorld;
+use geometry::{Pose, Vec3};
+use objects::object::Object;
+use rapier3d::prelude::{
+    JointAxis, MultibodyJointHandle, PhysicsWorld, RigidBodyBuilder, RigidBodyHandle,
+};
+use robot::{ARM_DOF, DOF, JointState, JointVector, KinematicTree};
+
+/// Table, object and robot under physics.
+pub struct Scene {
+    tabletop: TabletopWorld,
+    substeps: usize,
+    motors: crate::config::Motors,
+    bodies: Vec<RigidBodyHandle>,
+    joints: Vec<MultibodyJointHandle>,
+    /// Index of each joint in rapier's generalized vectors.
+    dof_index: [usize; DOF],
+    steps: u64,
+    /// Spring of the user's drag; `None` without one.
+    drag_spring: Option<DragSpring>,
+}
+
+/// A damped spring between a point of the object and a target.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DragSpring {
+    /// Point of application (m), object frame.
+    pub point: Vec3,
+    /// Target of the spring (m), world frame.
+    pub target: Vec3,
+    /// Stiffness (N/m). The damping is chosen to avoid oscillation.
+    pub stiffness: f32,
+    /// Max force (N).
+    pub max_force: f32,
+}
+
+impl Scene {
+    /// Sets up the table, the robot at rest in `q` (rad), and `object` at `world_from_object`.
+    pub fn new(
+        config: &SceneConfig,
+        tree: &KinematicTree,
+        object: &Object,
+        world_from_object: &Pose,
+        q: &JointVector,
+    ) -> Result<Self, SceneError> {
+        let (mut world, table) = TabletopWorld::create_world(config, RigidBodyBuilder::fixed());
+        let (bodies, joints) = insert_robot(&mut world, config, tree)?;
+        let tabletop = TabletopWorld::add_object(world, table, config, object, world_from_object)?;
+        let mut scene = Self {
+            tabletop,
+            substeps: config.physics.substeps,
+            motors: config.motors.clone(),
+            bodies,
+            joints,
+            dof_index: [0; DOF],
+            steps: 0,
+            drag_spring: None,
+        };
+        scene.set_joint_positions(q);
+        scene.set_motor_targets(&JointState::at_rest(*q));
+        Ok(scene)
+    }
+
+    /// Measured joint positions (rad).
+    pub fn joint_positions(&self) -> JointVector {
+        JointVector::from_fn(|i, _| {
+            match self.tabletop.world.multibody_joints.get(self.joints[i]) {
+                Some((multibody, link)) => match multibody.link(link) {
+                    Some(link) => link.joint().coords()[JointAxis::AngX as usize] as f64,
+                    None => f64::NAN,
+                },
+                None => f64::NAN,
+            }
+        })
+    }
+
+    /// Measured joint velocities (rad/s).
+    pub fn joint_velocities(&self) -> JointVector {
+        let joints = &self.tabletop.world.multibody_joints;
+        let robot = self.joints.first().and_then(|joint| joints.get(*joint));
+        let velocity = robot.map(|(multibody, _)| multibody.generalized_velocity());
+        JointVector::from_fn(|i, _| velocity.map_or(f64::NAN, |v| v[self.dof_index[i]] as f64))
+    }
+
+    /// Poses of all robot bodies, base first.
+    pub fn body_poses(&self) -> impl Iterator<Item = Pose> + '_ {
+        self.bodies.iter().map(|&body| *self.tabletop.world.bodies[body].position())
+    }
+
+    /// Pose of one robot body; body 0 is the base.
+    pub fn body_pose(&self, body: usize) -> Pose {
+        *self.tabletop.world.bodies[self.bodies[body]].position()
+    }
+
+    /// Sets the object pose and zeroes its velocity.
+    pub fn place_object(&mut self, world_from_object: &Pose) {
+        self.tabletop.place_object(world_from_object);
+    }
+
+    /// Sets or removes the drag spring.
+    pub fn set_drag_spring(&mut self, spring: Option<DragSpring>) {
+        self.drag_spring = spring;
+        self.tabletop.apply_drag_spring(None);
+    }
+
+    /// Contact forces on the object in the last physics step.
+    pub fn contact_forces(&self) -> Vec<ContactForce> {
+        self.tabletop.contact_forces()
+    }
+
+    /// Number of physics steps so far.
+    pub fn steps(&self) -> u64 {
+        self.steps
+    }
+
+    /// BLAKE3 hash over the bits of all poses and velocities.
+    pub fn state_hash(&self) -> blake3::Hash {
+        let mut hasher = blake3::Hasher::new();
+        for &handle in self.bodies.iter().chain([&self.tabletop.object]) {
+            let body = &self.tabletop.world.bodies[handle];
+            let (p, r) = (body.position().translation, body.position().rotation);
+            let (v, w) = (body.linvel(), body.angvel());
+            for x in [p.x, p.y, p.z, r.x, r.y, r.z, r.w, v.x, v.y, v.z, w.x, w.y, w.z] {
+                hasher.update(&x.to_bits().to_le_bytes());
+            }
+        }
+        hasher.finalize()
+    }
+
+    fn set_joint_positions(&mut self, q: &JointVector) {
+        let Some(&first) = self.joints.first() else { return };
+        let Some((multibody, _)) = self.tabletop.world.multibody_joints.get_mut(first) else {
+            return;
+        };
+        // Forward kinematics makes rapier detect the fixed root; only then are the joint indices final.
+        multibody.forward_kinematics(&self.tabletop.world.bodies, true);
+        let mut displacement = vec![0.0; multibody.ndofs()];
+        for (i, link) in multibody.links().skip(1).enumerate() {
+            self.dof_index[i] = link.assembly_id();
+            displacement[link.assembly_id()] = q[i] as f32;
+        }
+        for (i, &index) in self.dof_index.iter().enumerate() {
+            links::set_joint_damping(multibody, index, i, &self.motors);
+        }
+        multibody.apply_displacements(&displacement);
+        multibody.forward_kinematics(&self.tabletop.world.bodies, false);
+        multibody.update_rigid_bodies(&mut self.tabletop.world.bodies, true);
+    }
+
+    /// Sets the motor targets.
+    fn set_motor_targets(&mut self, state: &JointState) {
+        let Some(&first) = self.joints.first() else { return };
+        let multibodies = &mut self.tabletop.world.multibody_joints;
+        let Some((multibody, _)) = multibodies.get_mut(first) else { return };
+        for (i, link) in multibody.links_mut().skip(1).enumerate() {
+            set_motor_target(link, i, state, &self.motors);
+        }
+    }
+}
+
+impl Simulation for Scene {
+    fn track(&mut self, from: &JointState, to: &JointState) {
+        for substep in 1..=self.substeps {
+            let s = substep as f64 / self.substeps as f64;
+            self.set_motor_targets(&links::hermite(from, to, s));
+            if self.drag_spring.is_some() {
+                self.tabletop.apply_drag_spring(self.drag_spring.as_ref());
+            }
+            self.tabletop.world.step();
+            self.steps += 1;
+        }
+    }
+
+    fn palm_pose(&self) -> Pose {
+        self.body_pose(ARM_DOF)
+    }
+
+    fn object_pose(&self) -> Pose {
+        self.tabletop.object_pose()
+    }
+
+    fn object_size(&self) -> Vec3 {
+        self.tabletop.object_size
+    }
+
+    fn object_height(&self) -> f32 {
+        let table = self.tabletop.world.bodies[self.tabletop.table].position();
+        self.tabletop.object_height(&Pose::IDENTITY, table)
+    }
+
+    fn contact_state(&self) -> ContactState {
+        let body_of = |parent| self.bodies.iter().position(|&body| Some(body) == parent);
+        self.tabletop.contact_state(|parent| body_of(parent).map(|body| body >= ARM_DOF))
+    }
+
+    fn is_finite(&self) -> bool {
+        self.joint_positions().iter().all(|x| x.is_finite()) && self.tabletop.is_finite()
+    }
+}
+
+/// Inserts bodies, joints and colliders of the robot. The base is fixed.
+fn insert_robot(
+    world: &mut PhysicsWorld,
+    config: &SceneConfig,
+    tree: &KinematicTree,
+) -> Result<(Vec<RigidBodyHandle>, Vec<MultibodyJointHandle>), SceneError> {
+    let mut bodies = Vec::new();
+    for (i, body) in tree.bodies.iter().enumerate() {
+        let builder = if i == 0 { RigidBodyBuilder::fixed() } else { links::dynamic_link(body) };
+        let handle = world.insert_body(builder.gravity_scale(0.0).can_sleep(false));
+        for collider in colliders::body_colliders(tree, i, config.robot.friction) {
+            world.insert_collider(collider, Some(handle));
+        }
+        bodies.push(handle);
+    }
+    let mut joints = Vec::new();
+    for (i, joint) in tree.joints.iter().enumerate() {
+        let handles = (bodies[joint.parent], bodies[i + 1]);
+        let data = links::revolute_joint(joint, tree.limits.torque[i] as f32);
+        let no_loop = "the joints form a loop";
+        joints.push(
+            world
+                .insert_multibody_joint(handles.0, handles.1, data)
+                .ok_or_else(|| robot::UrdfError::Tree(no_loop.into()))?,
+        );
+    }
+    Ok((bodies, joints))
+}

@@ -1,0 +1,1 @@
+//! The examples of this folder; see README.md.

@@ -1,4 +1,0 @@
-//! Mutates what [`fuzz::tape`] reads.
-#![no_main]
-
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| fuzz::tape(bytes));

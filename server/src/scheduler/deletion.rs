@@ -1,0 +1,105 @@
+//! Deletion of datasets, models and job folders, and recovery after a crash.
+
+use super::{JobScheduler, LOCK_FILE};
+use crate::problem::Problem;
+use crate::store::{RecordKind, StoreError};
+use serde_json::Value;
+use std::fs::File;
+use std::path::Path;
+use std::time::Duration;
+
+/// Extension of a dataset folder during its deletion.
+const TRASH_SUFFIX: &str = "trash";
+
+/// Number of checks whether a worker has released the lock of its folder.
+const MAX_LOCK_CHECKS: usize = 20;
+/// Time between two of these checks.
+const LOCK_CHECK_INTERVAL: Duration = Duration::from_millis(100);
+
+impl JobScheduler {
+    /// Rejects the deletion of an input of an unfinished job.
+    pub(crate) async fn ensure_unused(&self, id: &str) -> Result<(), Problem> {
+        match self.store.active_job_using(id).await? {
+            Some(job) => Err(Problem::in_use(id, &job)),
+            None => Ok(()),
+        }
+    }
+
+    /// Deletes a dataset: record and files.
+    pub(crate) async fn delete_dataset(&self, record: &Value) -> Result<(), StoreError> {
+        let text = |name: &str| record[name].as_str().unwrap_or_default();
+        let folder = self.dataset_dir(text("hash"));
+        let trash = folder.with_extension(TRASH_SUFFIX);
+        ignore_missing(tokio::fs::remove_dir_all(&trash).await)?;
+        // The rename is atomic, so another job can generate the same dataset again. It precedes the deletion
+        // of the record, so a crash leaves no files without a record.
+        ignore_missing(tokio::fs::rename(&folder, &trash).await)?;
+        self.store.delete_record(RecordKind::Dataset, text("id")).await?;
+        Ok(ignore_missing(tokio::fs::remove_dir_all(&trash).await)?)
+    }
+
+    /// Deletes the folder of a finished job after its worker has released the lock, or after 2 s.
+    pub(crate) async fn remove_job_dir(&self, id: &str) {
+        let folder = self.job_dir(id);
+        let is_locked =
+            || File::open(folder.join(LOCK_FILE)).is_ok_and(|file| file.try_lock().is_err());
+        for _ in 0..MAX_LOCK_CHECKS {
+            if !is_locked() {
+                break;
+            }
+            tokio::time::sleep(LOCK_CHECK_INTERVAL).await;
+        }
+        if let Err(error) = tokio::fs::remove_dir_all(&folder).await
+            && error.kind() != std::io::ErrorKind::NotFound
+        {
+            tracing::warn!(job = id, %error, "cannot delete the job folder");
+        }
+    }
+
+    /// Cleans up after a server crash: deletes job folders without a job and mesh files without a record.
+    pub(super) async fn recover(&self) -> Result<(), StoreError> {
+        let mut entries = tokio::fs::read_dir(self.work_dir()).await?;
+        while let Some(entry) = entries.next_entry().await? {
+            let id = entry.file_name().to_string_lossy().into_owned();
+            if self.store.job(&id).await?.is_none() {
+                self.remove_job_dir(&id).await;
+            }
+        }
+        for id in self.store.orphan_meshes().await? {
+            self.store.delete_files(&id, None).await?;
+        }
+        Ok(())
+    }
+
+    /// Deletes a model that a job produced, and its files that no other record references.
+    pub(crate) async fn delete_model(&self, record: &Value) -> Result<(), StoreError> {
+        let text = |name: &str| record[name].as_str().unwrap_or_default();
+        self.store.delete_record(RecordKind::Model, text("id")).await?;
+        let folder = record["step"].as_u64().map_or(String::new(), |step| format!("step-{step}/"));
+        let files = record["files"].as_object().into_iter().flatten();
+        let names: Vec<String> = files.clone().map(|(name, _)| format!("{folder}{name}")).collect();
+        self.store.delete_files(text("job"), Some(&names)).await?;
+        // The job and its list of files may already be deleted.
+        let hashes = files.filter_map(|(_, file)| file["blake3"].as_str().map(str::to_owned));
+        self.store.collect_garbage(hashes.collect()).await
+    }
+}
+
+/// Treats a missing file as success.
+fn ignore_missing(result: std::io::Result<()>) -> std::io::Result<()> {
+    match result {
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(()),
+        other => other,
+    }
+}
+
+/// Completes the dataset deletions that a former server process did not finish.
+pub(super) fn remove_trash(datasets: &Path) -> std::io::Result<()> {
+    for entry in std::fs::read_dir(datasets).into_iter().flatten() {
+        let path = entry?.path();
+        if path.extension().is_some_and(|extension| extension == TRASH_SUFFIX) {
+            std::fs::remove_dir_all(path)?;
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,15 @@
+//! Tests across crates, in one program: linking candle and rapier once keeps the cycle short.
+
+#![allow(clippy::unwrap_used, reason = "test helpers fail by panicking")]
+
+mod candle_parity;
+mod controls;
+mod demonstration_quality;
+mod demonstration_replay;
+mod floating_hand;
+mod goldens;
+mod grasp_trials;
+mod interaction;
+mod parity;
+mod pipeline;
+mod recording;

@@ -1,0 +1,166 @@
+//! Allowed dependencies between crates, and libraries that are confined to some crates.
+
+use crate::root;
+use std::collections::BTreeMap;
+use std::fs::read_to_string;
+use std::path::{Path, PathBuf};
+use toml::{Table, Value};
+
+/// Workspace crates that each crate may depend on at run time.
+///
+/// ARCHITECTURE.md describes the crates. `policy`, `rollout` and their dependencies run in the browser and
+/// must not depend on candle. `server` uses `dataset` and `imitation` to validate job parameters; jobs run
+/// in `ngf` processes.
+pub(crate) const ALLOWED_DEPENDENCIES: [(&str, &[&str]); 21] = [
+    ("mesh", &[]),
+    ("geometry", &["mesh"]),
+    ("objects", &["mesh", "geometry"]),
+    ("robot", &["geometry"]),
+    ("fabrics", &["geometry", "robot"]),
+    ("scene", &["mesh", "geometry", "objects", "robot"]),
+    ("grasps", &["mesh", "geometry", "objects", "robot", "fabrics", "scene"]),
+    ("policy", &["geometry", "robot"]),
+    ("rollout", &["mesh", "geometry", "objects", "robot", "scene", "grasps", "policy"]),
+    ("files", &[]),
+    ("dataset", &["mesh", "geometry", "objects", "robot", "scene", "grasps", "files"]),
+    ("evaluation", &["objects", "robot", "scene", "rollout", "files"]),
+    (
+        "imitation",
+        &[
+            "geometry",
+            "objects",
+            "robot",
+            "scene",
+            "grasps",
+            "policy",
+            "rollout",
+            "files",
+            "dataset",
+            "evaluation",
+        ],
+    ),
+    ("server", &["mesh", "geometry", "objects", "policy", "dataset", "imitation"]),
+    (
+        "ngf",
+        &[
+            "mesh",
+            "geometry",
+            "objects",
+            "robot",
+            "scene",
+            "grasps",
+            "policy",
+            "rollout",
+            "files",
+            "dataset",
+            "evaluation",
+            "imitation",
+            "server",
+        ],
+    ),
+    ("wasm", &["mesh", "geometry", "objects", "robot", "scene", "grasps", "rollout"]),
+    ("fuzz", &["mesh", "geometry", "objects", "robot", "policy", "rollout", "server"]),
+    ("tidy", &[]),
+    ("examples", &[]),
+    ("xtask", &[]),
+    ("wasm-test-runner", &[]),
+];
+
+/// Libraries that only the listed crates may use. `ngf` limits the number of threads with rayon; crates
+/// below `dataset` run on the calling thread.
+const CONFINED_LIBRARIES: [(&str, &[&str]); 11] = [
+    ("rapier3d", &["scene"]),
+    ("parry3d", &["geometry"]),
+    ("candle-core", &["imitation"]),
+    ("gemm", &["imitation"]),
+    ("rayon", &["dataset", "evaluation", "imitation", "ngf"]),
+    ("parquet", &["dataset"]),
+    ("arrow-array", &["dataset"]),
+    ("sqlx", &["server"]),
+    ("object_store", &["server"]),
+    ("tokio", &["server", "ngf", "fuzz"]),
+    ("wasm-bindgen", &["wasm"]),
+];
+
+/// Manifests of all workspace members by package name.
+fn manifests() -> BTreeMap<String, Table> {
+    let parse = |folder: &Path| -> Table {
+        let path = folder.join("Cargo.toml");
+        toml::from_str(&read_to_string(&path).unwrap_or_else(|e| panic!("{path:?}: {e}"))).unwrap()
+    };
+    let mut folders = Vec::new();
+    for member in parse(&root())["workspace"]["members"].as_array().unwrap() {
+        match member.as_str().unwrap().strip_suffix("/*") {
+            None => folders.push(root().join(member.as_str().unwrap())),
+            Some(parent) => {
+                let entries = root().join(parent).read_dir().unwrap();
+                folders.extend(entries.map(|entry| entry.unwrap().path()));
+            }
+        }
+    }
+    let named = |folder: &PathBuf| {
+        let manifest = parse(folder);
+        (manifest["package"]["name"].as_str().unwrap().to_owned(), manifest)
+    };
+    folders.iter().map(named).collect()
+}
+
+/// Names of all dependencies except dev-dependencies.
+fn dependencies(manifest: &Table) -> Vec<String> {
+    let names = |table: Option<&Value>| -> Vec<String> {
+        table.and_then(Value::as_table).map_or(vec![], |table| table.keys().cloned().collect())
+    };
+    let mut found = Vec::new();
+    for kind in ["dependencies", "build-dependencies"] {
+        found.extend(names(manifest.get(kind)));
+        for target in manifest.get("target").and_then(Value::as_table).into_iter().flatten() {
+            found.extend(names(target.1.get(kind)));
+        }
+    }
+    found
+}
+
+#[test]
+fn crates_use_only_allowed_crates() {
+    let manifests = manifests();
+    for name in manifests.keys().filter(|name| *name != "tests") {
+        assert!(
+            ALLOWED_DEPENDENCIES.iter().any(|(known, _)| known == name),
+            "{name} is not in ALLOWED_DEPENDENCIES"
+        );
+    }
+    for (name, allowed) in ALLOWED_DEPENDENCIES {
+        let manifest = manifests.get(name).unwrap_or_else(|| panic!("no crate {name}"));
+        for used in dependencies(manifest) {
+            assert_ne!(used, "tests", "{name} must not use the tests");
+            if manifests.contains_key(&used) {
+                assert!(allowed.contains(&used.as_str()), "{name} must not use {used}");
+            }
+        }
+    }
+}
+
+#[test]
+fn confined_libraries_are_used_only_by_listed_crates() {
+    for (name, manifest) in &manifests() {
+        for used in dependencies(manifest) {
+            if let Some((_, homes)) =
+                CONFINED_LIBRARIES.iter().find(|(library, _)| *library == used)
+            {
+                assert!(homes.contains(&name.as_str()), "{name} must not use {used}");
+            }
+        }
+    }
+}
+
+#[test]
+fn dependency_versions_are_in_the_workspace_manifest() {
+    for (name, manifest) in &manifests() {
+        for kind in ["dependencies", "dev-dependencies", "build-dependencies"] {
+            for (used, how) in manifest.get(kind).and_then(Value::as_table).into_iter().flatten() {
+                let shared = how.get("workspace").and_then(Value::as_bool).unwrap_or(false);
+                assert!(shared, "{name} specifies its own version of {used}");
+            }
+        }
+    }
+}

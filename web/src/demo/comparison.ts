@@ -1,0 +1,167 @@
+// Comparison with a second policy: same object, pose and seed in a second worker and view.
+
+import { element } from "../common/dom";
+import { fillOnFocus } from "./policy_options";
+import type { AttemptFinished, Failure, Outcome, WorkerEvent, WorkerRequest } from "./protocol";
+import { COMPARISON } from "./strings";
+import type { Layer, View } from "./view/view";
+import { asSecondary, isFatal, loadModelRequest, WorkerClient } from "./worker_client";
+
+export interface ComparisonEvents {
+  // Requests that bring a new worker to the state of the first one.
+  stateRequests(): WorkerRequest[];
+  // Creates the second view; null if nothing can be rendered.
+  createView(): View | null;
+  // Camera of the first view.
+  cameraView(): number[] | null;
+  // Attempt of the second policy in a batch, and the end of that batch; null is the current batch.
+  attemptFinished(attempt: AttemptFinished): void;
+  batchFinished(batchId: number | null): void;
+  report(failure: Failure): void;
+}
+
+// Requests that are not sent to the second worker.
+const FIRST_ONLY = new Set<WorkerRequest["kind"]>(["loadModel", "exportRecording", "streamTelemetry", "searchGrasps", "playGrasps"]);
+
+// Requests that end the current attempt and discard its outcome.
+const ENDS_ATTEMPT = new Set<WorkerRequest["kind"]>(["loadObject", "upload", "place", "placeBySeed", "grasp", "reset"]);
+
+export class Comparison {
+  readonly #events: ComparisonEvents;
+  readonly #select = element("compare", HTMLSelectElement);
+  readonly #names = [element("policy-name-1", HTMLElement), element("policy-name-2", HTMLElement)] as const;
+  #client: WorkerClient | null = null;
+  #view: View | null = null;
+  #first = "";
+  // Whether the second policy is loaded. An attempt requested earlier waits for it; otherwise the planner
+  // would run.
+  #isReady = false;
+  #waitingGrasp: WorkerRequest | null = null;
+  // Request of the last attempt, unless a later request has ended it.
+  #attempt: WorkerRequest | null = null;
+
+  constructor(events: ComparisonEvents) {
+    this.#events = events;
+    this.#select.addEventListener("change", () => this.#start(this.#select.value));
+    fillOnFocus(this.#select);
+  }
+
+  // Sets the name of the first policy.
+  setFirst(id: string | null): void {
+    this.#first = id ?? COMPARISON.planner;
+    this.#names[0].textContent = this.#first;
+  }
+
+  // Names of the policies that run a batch.
+  get names(): string[] {
+    const second = this.#select.value;
+    if (!this.#client || !this.#isReady) return [this.#first];
+    return [this.#first, second === this.#first ? COMPARISON.second(second) : second];
+  }
+
+  // Forwards a request of the first worker to the second one.
+  send(request: WorkerRequest): void {
+    // The name replaces the outcome of the previous attempt.
+    if (request.kind === "playGrasps") this.#names[0].textContent = this.#first;
+    if (FIRST_ONLY.has(request.kind) || !this.#client) return;
+    // A batch that starts before the second policy is loaded runs only with the first one.
+    if (request.kind === "batch" && !this.#isReady) return;
+    if (ENDS_ATTEMPT.has(request.kind)) {
+      [this.#waitingGrasp, this.#attempt] = [null, request.kind === "grasp" ? request : null];
+    }
+    if (request.kind === "grasp" && !this.#isReady) this.#waitingGrasp = request;
+    else this.#client.send(request);
+    if (ENDS_ATTEMPT.has(request.kind)) this.#showNames();
+  }
+
+  // Loads the object in the orientation that the first worker has chosen, then repeats the current attempt.
+  reorient(object: WorkerRequest): void {
+    const attempt = this.#attempt;
+    this.send(object);
+    if (attempt) this.send(attempt);
+  }
+
+  // The first worker was restarted.
+  restart(): void {
+    if (this.#client) this.#start(this.#select.value);
+  }
+
+  // Shows the outcome of the first policy or of a playback.
+  showOutcome({ text, playback }: Outcome): void {
+    this.#names[0].textContent = `${playback?.description ?? this.#first}: ${text}`;
+  }
+
+  // Follows the camera of the first view.
+  setCameraView(numbers: number[]): void {
+    if (this.#client) this.#view?.setView(numbers);
+  }
+
+  setLayer(layer: Layer, on: boolean): void {
+    this.#view?.setLayer(layer, on);
+  }
+
+  #showNames(): void {
+    this.#names[0].textContent = this.#first;
+    const second = this.#select.value;
+    this.#names[1].textContent = this.#isReady || second === "" ? second : COMPARISON.loading(second);
+  }
+
+  #start(id: string): void {
+    if (this.#client) this.#events.batchFinished(null);
+    this.#client?.terminate();
+    [this.#client, this.#isReady, this.#waitingGrasp, this.#attempt] = [null, false, null, null];
+    document.body.classList.toggle("is-compared", id !== "");
+    this.#showNames();
+    if (id === "") return;
+    this.#view ??= this.#events.createView();
+    const client = new WorkerClient(loadModelRequest(id), (event) => this.#onEvent(event));
+    this.#client = client;
+    for (const request of this.#events.stateRequests()) client.send(request);
+  }
+
+  #onModelLoaded(): void {
+    this.#isReady = true;
+    this.#showNames();
+    if (this.#waitingGrasp) this.#client?.send(this.#waitingGrasp);
+    this.#waitingGrasp = null;
+  }
+
+  #onEvent(event: WorkerEvent): void {
+    const view = this.#view;
+    switch (event.kind) {
+      case "ready": {
+        view?.show(event);
+        const camera = this.#events.cameraView();
+        if (camera) view?.setView(camera);
+        break;
+      }
+      case "object":
+        view?.showObject(event);
+        break;
+      case "frame":
+        view?.showFrame(event);
+        break;
+      case "cloud":
+        view?.showCloud(event);
+        break;
+      case "model":
+        // The reason was already reported as a failure.
+        if (event.id === null) this.#start((this.#select.value = ""));
+        else this.#onModelLoaded();
+        break;
+      case "outcome":
+        this.#names[1].textContent = `${event.playback?.description ?? this.#select.value}: ${event.text}`;
+        break;
+      case "attemptFinished":
+        this.#events.attemptFinished(event);
+        break;
+      case "batchFinished":
+        this.#events.batchFinished(event.batchId);
+        break;
+      case "failure":
+        if (isFatal(event)) this.#start((this.#select.value = ""));
+        this.#events.report(asSecondary(event, COMPARISON.closed));
+        break;
+    }
+  }
+}

@@ -1,0 +1,133 @@
+// Policy internals: joint positions within their limits, and plots of energy, acceleration terms, damping and
+// margin.
+
+import { element, h, svg } from "../../common/dom";
+import type { Frame, Joint, Telemetry, TelemetrySample, WorkerRequest } from "../protocol";
+import { DIAGNOSTICS } from "../strings";
+import { isNearLimit } from "../view/joint_limit_highlight";
+
+// Joint groups in the order of `Ready`, with their numbers of joints.
+const GROUPS: [string, number][] = [
+  [DIAGNOSTICS.groups.arm, 7],
+  [DIAGNOSTICS.groups.index, 4],
+  [DIAGNOSTICS.groups.middle, 4],
+  [DIAGNOSTICS.groups.ring, 4],
+  [DIAGNOSTICS.groups.thumb, 4],
+];
+
+// Plot of one or more named series over the attempt; a single series has no name.
+interface Plot {
+  series: [string, (sample: TelemetrySample) => number | null | undefined][];
+  lines: SVGPolylineElement[];
+  values: HTMLElement[];
+}
+
+export class DiagnosticsPanel {
+  readonly #details = element("diagnostics", HTMLDetailsElement);
+  readonly #marks: HTMLElement[] = [];
+  readonly #joints: Joint[] = [];
+  readonly #plots: Plot[];
+  // Telemetry by tick.
+  #samples: (TelemetrySample | null)[] = [];
+  readonly #send: (request: WorkerRequest) => void;
+
+  constructor(send: (request: WorkerRequest) => void) {
+    this.#send = send;
+    this.#details.addEventListener("toggle", () => this.requestTelemetry());
+    const { energy, terms, damping, margin } = DIAGNOSTICS.plots;
+    this.#plots = [
+      plot(energy, [["", (sample) => sample.energy]]),
+      plot(terms, [
+        [terms.potential, (sample) => sample.terms?.potential],
+        [terms.damping, (sample) => sample.terms?.damping],
+        [terms.geometry, (sample) => sample.terms?.geometry],
+        [terms.energization, (sample) => sample.terms?.energization],
+      ]),
+      plot(damping, [["", (sample) => sample.damping]]),
+      plot(margin, [["", (sample) => sample.limit_margin]]),
+    ];
+  }
+
+  // Turns the telemetry stream on while the section is open. The worker then posts the samples so far.
+  requestTelemetry(): void {
+    this.#send({ kind: "streamTelemetry", on: this.#details.open });
+  }
+
+  // Fetches the samples of ticks between two frames.
+  onAttemptEnd(): void {
+    if (this.#details.open) this.requestTelemetry();
+  }
+
+  showTelemetry({ samples }: Telemetry): void {
+    this.#samples = samples;
+  }
+
+  setJoints(joints: Joint[]): void {
+    this.#joints.splice(0, Infinity, ...joints);
+    this.#marks.length = 0;
+    const list = element("joints", HTMLElement);
+    list.replaceChildren();
+    let first = 0;
+    for (const [name, count] of GROUPS) {
+      const bars = joints.slice(first, first + count).map((joint) => this.#bar(joint));
+      list.append(h("div", { class: "joint-group" }, h("span", {}, name), h("div", {}, ...bars)));
+      first += count;
+    }
+  }
+
+  #bar({ name, lower, upper }: Joint): HTMLElement {
+    const mark = h("i");
+    this.#marks.push(mark);
+    const range = { "aria-valuemin": lower.toFixed(2), "aria-valuemax": upper.toFixed(2), "aria-valuenow": lower.toFixed(2) };
+    // Focusable, so that a tap shows its text.
+    return h("div", { class: "joint", role: "meter", tabindex: -1, "aria-label": name, ...range }, mark);
+  }
+
+  show({ joints, telemetry, tick, ticks }: Frame): void {
+    if (!this.#details.open) return;
+    joints.forEach((q, i) => {
+      const joint = this.#joints[i]!;
+      const { lower, upper } = joint;
+      const fraction = (q - lower) / (upper - lower);
+      const mark = this.#marks[i]!;
+      mark.style.left = `${100 * Math.min(1, Math.max(0, fraction))}%`;
+      mark.classList.toggle("is-near", isNearLimit(q, joint));
+      const bar = mark.parentElement!;
+      const text = DIAGNOSTICS.position(q.toFixed(2), lower.toFixed(2), upper.toFixed(2));
+      if (bar.ariaValueText !== text) [bar.ariaValueNow, bar.ariaValueText] = [q.toFixed(2), text];
+    });
+    if (ticks + 1 < this.#samples.length) this.#samples.length = 0;
+    this.#samples[tick] = telemetry;
+    for (const plot of this.#plots) this.#draw(plot, telemetry, ticks);
+  }
+
+  // The x axis spans all ticks; the y axis extends from 0 to the maximum of all series.
+  #draw({ series, lines, values }: Plot, current: TelemetrySample | null, ticks: number): void {
+    const curves = series.map(([, value]) => {
+      const points: [number, number][] = [];
+      this.#samples.forEach((sample, tick) => {
+        const y = sample && value(sample);
+        if (typeof y === "number" && Number.isFinite(y)) points.push([tick, y]);
+      });
+      return points;
+    });
+    const max = Math.max(1e-9, ...curves.flat().map(([, y]) => y));
+    const toSvg = ([tick, y]: [number, number]) => `${((100 * tick) / Math.max(1, ticks)).toFixed(2)},${(29 - (28 * y) / max).toFixed(2)}`;
+    curves.forEach((points, i) => {
+      lines[i]!.setAttribute("points", points.map(toSvg).join(" "));
+      const now = current && series[i]![1](current);
+      values[i]!.textContent = typeof now === "number" ? now.toPrecision(3) : "–";
+    });
+  }
+}
+
+function plot({ name, unit }: { name: string; unit: string }, series: Plot["series"]): Plot {
+  const lines = series.map(() => svg("polyline"));
+  const values = series.map(() => h("span", { class: "is-number" }));
+  const legend = series.map(([label], i) => h("span", { class: label ? "series" : null }, label, " ", values[i]!));
+  const frame = { viewBox: "0 0 100 30", preserveAspectRatio: "none", "aria-hidden": "true" };
+  const hasLegend = series.length > 1;
+  const caption = h("figcaption", {}, name, hasLegend ? ` (${unit})` : "", " ", ...legend, hasLegend ? "" : ` ${unit}`);
+  element("plots", HTMLElement).append(h("figure", {}, caption, svg("svg", frame, ...lines)));
+  return { series, lines, values };
+}

@@ -1,0 +1,68 @@
+// Error cards: message, hint and code of a failure. A card stays until the user closes it or the cause is
+// resolved.
+
+import { copyText, element } from "../../common/dom";
+import type { Failure } from "../protocol";
+import { ERRORS } from "../strings";
+import { DOWNLOAD_FAILED, isFatal } from "../worker_client";
+
+// Maximum number of cards that are not fatal.
+const MAX_CARDS = 3;
+
+export class ErrorCards {
+  readonly #list = element("failures", HTMLElement);
+  readonly #template = element("failure-card", HTMLTemplateElement);
+  readonly #restart: () => void;
+  readonly #retryDownload: () => void;
+
+  constructor(restart: () => void, retryDownload: () => void) {
+    [this.#restart, this.#retryDownload] = [restart, retryDownload];
+  }
+
+  show(failure: Failure): void {
+    this.dismiss(failure.code);
+    this.#list.append(this.#card(failure));
+    // Fatal cards stay, since they hold the restart button.
+    const others = [...this.#list.children].filter((card) => !card.classList.contains("is-fatal"));
+    for (const card of others.slice(0, Math.max(0, others.length - MAX_CARDS))) card.remove();
+  }
+
+  dismiss(code: string): void {
+    this.#list.querySelector(`[data-code="${CSS.escape(code)}"]`)?.remove();
+  }
+
+  #card(failure: Failure): Element {
+    const { code, message, hint } = failure;
+    const card = (this.#template.content.cloneNode(true) as DocumentFragment).firstElementChild;
+    if (!(card instanceof HTMLElement)) throw new Error("the template has no card");
+    card.dataset["code"] = code;
+    card.classList.toggle("is-fatal", isFatal(failure));
+    const part = (selector: string) => card.querySelector<HTMLElement>(selector)!;
+    part("h2").textContent = message;
+    part("p").textContent = hint;
+    part("code").textContent = code;
+    part(".close").hidden = isFatal(failure);
+    part(".close").addEventListener("click", () => card.remove());
+    part(".copy").addEventListener("click", async () => {
+      const text = `${message}\n${hint}\n${code}, ${navigator.userAgent}`;
+      if (await copyText(card, text)) part(".copy").textContent = ERRORS.copied;
+    });
+    const retry = this.#retry(failure);
+    if (retry) {
+      part(".retry").hidden = false;
+      part(".retry").textContent = retry.label;
+      part(".retry").addEventListener("click", () => {
+        card.remove();
+        retry.act();
+      });
+    }
+    return card;
+  }
+
+  // Action that can resolve a failure.
+  #retry(failure: Failure): { label: string; act: () => void } | null {
+    if (isFatal(failure)) return { label: ERRORS.restart, act: this.#restart };
+    if (failure.code === DOWNLOAD_FAILED) return { label: ERRORS.retryDownload, act: this.#retryDownload };
+    return null;
+  }
+}

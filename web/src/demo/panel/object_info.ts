@@ -1,0 +1,79 @@
+// Object information, and the import options of a mesh file: unit, mass, orientation.
+
+import { choice, element, h } from "../../common/dom";
+import type { ImportOptions, ObjectInfo, Orientation, Unit } from "../protocol";
+import { OBJECT_INFO } from "../strings";
+
+export class ObjectInfoPanel {
+  readonly #box = element("object-info", HTMLElement);
+  readonly #size = element("info-size", HTMLElement);
+  readonly #mass = element("info-mass", HTMLElement);
+  readonly #mesh = element("info-mesh", HTMLElement);
+  readonly #hand = element("info-hand", HTMLElement);
+  readonly #familiarity = element("info-familiarity", HTMLElement);
+  readonly #file = element("info-file", HTMLElement);
+  readonly #unitReason = element("info-unit-reason", HTMLElement);
+  readonly #notes = element("info-notes", HTMLElement);
+  readonly #grams = element("mass", HTMLInputElement);
+  readonly #orientation = element("orientation", HTMLSelectElement);
+  #massKg = 0;
+  readonly #pressUnit: (unit: string | null) => void;
+
+  constructor(onChange: (change: Partial<ImportOptions>) => void) {
+    // A new unit changes the volume, so the mass is estimated again.
+    this.#pressUnit = choice("unit-choice", (value) => onChange({ unit: value as Unit, massKg: null }));
+    this.#grams.addEventListener("change", () => {
+      const grams = this.#grams.valueAsNumber;
+      onChange({ massKg: grams > 0 ? grams / 1000 : null });
+    });
+    // The field may hold an invalid mass, or that of the previous object.
+    this.#grams.addEventListener("blur", () => this.#writeMass());
+    this.#orientation.addEventListener("change", () => {
+      const index = Number(this.#orientation.value);
+      onChange({ orientation: index < 0 ? "asInFile" : { stablePose: index } });
+    });
+  }
+
+  // Known only after the first attempt with an encoder; null hides it.
+  showFamiliarity(text: string | null): void {
+    this.#familiarity.textContent = text;
+    if (this.#familiarity.parentElement) this.#familiarity.parentElement.hidden = text === null;
+  }
+
+  show(info: ObjectInfo): void {
+    this.showFamiliarity(null);
+    this.#box.hidden = false;
+    this.#size.textContent = `${info.extentCm.map((side) => side.toFixed(1)).join(" × ")} cm`;
+    this.#mass.textContent = massText(info.massKg);
+    this.#mesh.textContent = OBJECT_INFO.mesh(info.triangles.toLocaleString("en"), info.watertight, info.convexParts);
+    this.#hand.textContent = info.graspability;
+    this.#file.hidden = info.unit === null;
+    this.#pressUnit(info.unit);
+    this.#unitReason.textContent = info.unitReason ?? "";
+    this.#massKg = info.massKg;
+    if (document.activeElement !== this.#grams) this.#writeMass();
+    this.#showOrientations(info);
+    this.#notes.hidden = info.notes.length === 0;
+    this.#notes.replaceChildren(...info.notes.map((note) => h("li", {}, note)));
+  }
+
+  #writeMass(): void {
+    this.#grams.value = String(Math.round(1000 * this.#massKg));
+  }
+
+  #showOrientations({ stablePoses, orientation }: ObjectInfo): void {
+    const faces = Array.from({ length: stablePoses }, (_, i) => (i === 0 ? OBJECT_INFO.mostStable : OBJECT_INFO.face(i + 1)));
+    const labels = [OBJECT_INFO.asInFile, ...faces];
+    this.#orientation.replaceChildren(...labels.map((label, i) => h("option", { value: i - 1 }, label)));
+    this.#orientation.value = String(indexOf(orientation));
+  }
+}
+
+// Index of a stable pose; -1 is the orientation of the file.
+function indexOf(orientation: Orientation | null): number {
+  return orientation === null || orientation === "asInFile" ? -1 : orientation.stablePose;
+}
+
+function massText(kg: number): string {
+  return kg < 1 ? `${(kg * 1000).toFixed(0)} g` : `${kg.toFixed(2)} kg`;
+}

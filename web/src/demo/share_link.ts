@@ -1,0 +1,121 @@
+// Share link: object, pose, seed, policy, view, time and final state hash of an attempt. `ngf replay` reads
+// it too.
+
+import type { ImportOptions, Orientation, PlanarPose, Unit } from "./protocol";
+import { LINK } from "./strings";
+
+export interface ShareLink {
+  // Name of a built-in object, or of the mesh file.
+  object: string;
+  objectHash: string;
+  // Import options of a mesh file.
+  options: ImportOptions | null;
+  // Id of the mesh on the server, if the user stored it there.
+  mesh: string | null;
+  pose: PlanarPose;
+  // Whether the pose differs from the pose that the seed samples.
+  placedByHand: boolean;
+  seed: number;
+  model: string;
+  modelHash: string | null;
+  sceneHash: string;
+  // Camera position and orbit target; null selects the default view.
+  view: number[] | null;
+  // Tick to show; null is the last one.
+  tick: number | null;
+  finalStateHash: string;
+}
+
+const VERSION = "1";
+
+export function buildLink(link: ShareLink, page = location.href): string {
+  const { object, objectHash, options, mesh, pose, placedByHand, seed, model, modelHash, sceneHash, view, tick } = link;
+  const orientation = options?.orientation;
+  const fields = new URLSearchParams({
+    v: VERSION,
+    o: object,
+    oh: objectHash,
+    ...(options?.unit && { u: options.unit }),
+    ...(options?.massKg && { kg: String(options.massKg) }),
+    ...(orientation && { st: orientation === "asInFile" ? "file" : String(orientation.stablePose) }),
+    p: [pose.x, pose.y, pose.yaw].join(","),
+    ...(placedByHand && { d: "1" }),
+    s: String(seed),
+    m: model,
+    ...(modelHash && { mh: modelHash }),
+    sc: sceneHash,
+    ...(view && { c: view.map((value) => value.toFixed(3)).join(",") }),
+    ...(tick !== null && { t: String(tick) }),
+    ...(mesh && { mesh }),
+    h: link.finalStateHash,
+  });
+  const url = new URL(page);
+  url.search = "";
+  url.hash = fields.toString();
+  return url.href;
+}
+
+// Parses a URL fragment; null if it is not a share link. Throws if it is invalid.
+export function parseLink(hash = location.hash): ShareLink | null {
+  const fields = new URLSearchParams(hash.slice(1));
+  const version = fields.get("v");
+  if (version === null) return null;
+  if (version !== VERSION) throw new Error(LINK.unknownVersion(version));
+  const text = (name: string) => {
+    const value = fields.get(name);
+    if (value === null || value === "") throw new Error(LINK.fieldMissing(name));
+    return value;
+  };
+  const numbers = (name: string, count: number) => {
+    const values = text(name).split(",").map(Number);
+    if (values.length !== count || !values.every(Number.isFinite)) throw new Error(LINK.fieldNotNumbers(name, count));
+    return values as [number, ...number[]];
+  };
+  const [x, y, yaw] = numbers("p", 3);
+  return {
+    object: text("o"),
+    objectHash: text("oh"),
+    options: {
+      unit: fields.has("u") ? parseUnit(text("u")) : null,
+      massKg: fields.has("kg") ? positive("kg", numbers("kg", 1)[0]) : null,
+      orientation: fields.has("st") ? parseOrientation(text("st")) : null,
+    },
+    mesh: fields.get("mesh"),
+    pose: { x, y: y!, yaw: yaw! },
+    placedByHand: fields.has("d"),
+    seed: parseSeed("s", numbers("s", 1)[0]),
+    model: text("m"),
+    modelHash: fields.get("mh"),
+    sceneHash: text("sc"),
+    view: fields.has("c") ? numbers("c", 6) : null,
+    tick: fields.has("t") ? numbers("t", 1)[0] : null,
+    finalStateHash: text("h"),
+  };
+}
+
+const UNITS: readonly string[] = ["m", "cm", "mm", "in"] satisfies Unit[];
+
+function parseUnit(text: string): Unit {
+  if (!UNITS.includes(text)) throw new Error(LINK.fieldInvalid("u", text));
+  return text as Unit;
+}
+
+function positive(name: string, value: number): number {
+  if (value <= 0) throw new Error(LINK.fieldInvalid(name, String(value)));
+  return value;
+}
+
+function nonNegativeInteger(name: string, value: number): number {
+  if (!Number.isSafeInteger(value) || value < 0) throw new Error(LINK.fieldInvalid(name, String(value)));
+  return value;
+}
+
+// The worker's seeds have 32 bits.
+function parseSeed(name: string, value: number): number {
+  if (value > 0xffffffff) throw new Error(LINK.fieldInvalid(name, String(value)));
+  return nonNegativeInteger(name, value);
+}
+
+function parseOrientation(text: string): Orientation {
+  return text === "file" ? "asInFile" : { stablePose: nonNegativeInteger("st", Number(text)) };
+}

@@ -1,0 +1,7 @@
+// Main view, to the right of the job list.
+
+export interface View {
+  readonly element: HTMLElement;
+  // Releases listeners and timers when another view replaces this one.
+  close?(): void;
+}

@@ -1,0 +1,309 @@
+//! `check`, `test` and `stress`: run stages in sequence and count the test cases.
+
+use crate::chromium;
+use crate::test_count::TestCount;
+use crate::workspace::{Workspace, display, run};
+use crate::{python, tools, web_build};
+use anyhow::{Context, Result};
+use std::io::{BufRead, BufReader};
+use std::path::PathBuf;
+use std::process::{Command, Stdio};
+use std::time::Instant;
+
+/// Excludes workspace members from native builds: the browser crate and its test runner.
+const NOT_NATIVE: [&str; 4] = ["--exclude", "wasm", "--exclude", "wasm-test-runner"];
+
+/// Time limit of a browser test (s). The default of the runner, 20 s, is for unit tests.
+const WASM_TEST_SECONDS: &str = "300";
+
+/// Time limit of a long browser test (s).
+const LONG_TEST_SECONDS: &str = "3600";
+
+/// Python requirement files in tests/python.
+const TEST_REQUIREMENTS: &str = "requirements.txt";
+const API_REQUIREMENTS: &str = "api.txt";
+
+/// Examples that run without arguments. The native tests build them.
+const EXAMPLES: [&str; 5] = [
+    "01_forward_kinematics",
+    "02_fabric_plan",
+    "03_import_mesh",
+    "04_grasp_search",
+    "05_run_policy",
+];
+
+/// Results of the stages so far.
+struct StageRunner {
+    total: TestCount,
+    failed: Vec<&'static str>,
+    start: Instant,
+}
+
+/// Runs format, lints, native tests and types. `Ok(false)` if any stage failed.
+pub(crate) fn check(workspace: &Workspace) -> Result<bool> {
+    let mut stages = StageRunner::new();
+    quick(workspace, &mut stages);
+    Ok(stages.report())
+}
+
+/// Runs `check`, then Python, browser and documentation stages.
+pub(crate) fn test(workspace: &Workspace) -> Result<bool> {
+    // Missing tools are reported before stages that take minutes.
+    tools::node(workspace)?;
+    chromium::find(workspace)?;
+    python::environment(workspace, TEST_REQUIREMENTS)?;
+    let mut stages = StageRunner::new();
+    quick(workspace, &mut stages);
+    stages.stage("python", |stages| {
+        stages.count(&mut python_tests(workspace)?)?;
+        let python = python::environment(workspace, TEST_REQUIREMENTS)?;
+        let example = ["examples/06_read_dataset.py"];
+        run(workspace.command(python, &example).arg(dataset_folder(workspace)))
+    });
+    stages.stage("wasm", |stages| {
+        let mut tests = wasm_tests(workspace)?;
+        stages.count(tests.args(["--lib", "--tests"]))
+    });
+    stages.stage("browser", |stages| {
+        // The native tests have built the server. Another build with `-p ngf` would select other features of
+        // the dependencies and compile them again.
+        tools::wasm_target(workspace)?;
+        web_build::build(workspace)?;
+        stages.count(&mut tools::browser(workspace, "test")?)
+    });
+    stages.stage("examples", |_| EXAMPLES.iter().try_for_each(|name| run_example(workspace, name)));
+    stages.stage("docs", |_| {
+        let args = ["doc", "-q", "--workspace", "--no-deps", "--exclude", "wasm-test-runner"];
+        run(workspace.cargo(&args).env("RUSTDOCFLAGS", "-D warnings"))
+    });
+    Ok(stages.report())
+}
+
+/// Checks that take too long for every change.
+#[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub(crate) enum LongCheck {
+    /// Compare 100 attempts in the browser with native ones, bit for bit.
+    Parity,
+    /// Kill workers and servers, 100 concurrent readers, 10,000 uploads, stalled request bodies.
+    Jobs,
+    /// Fuzz the HTTP API from its OpenAPI description.
+    Api,
+    /// Fuzz the parsers of meshes, weights, replay files and job requests.
+    Fuzz,
+}
+
+/// Runs the selected long checks, or all if none is selected.
+pub(crate) fn stress(workspace: &Workspace, selection: &[LongCheck]) -> Result<bool> {
+    let is_selected = |check| selection.is_empty() || selection.contains(&check);
+    if is_selected(LongCheck::Parity) {
+        chromium::find(workspace)?;
+    }
+    if is_selected(LongCheck::Api) {
+        python::environment(workspace, API_REQUIREMENTS)?;
+    }
+    let mut stages = StageRunner::new();
+    if is_selected(LongCheck::Parity) {
+        stages.stage("browser parity", |stages| {
+            let mut tests = wasm_tests(workspace)?;
+            tests.args(["--test", "attempts", "--", "--nocapture"]);
+            tests.env("NGF_ATTEMPTS", "50").env("WASM_BINDGEN_TEST_TIMEOUT", LONG_TEST_SECONDS);
+            stages.count(&mut tests)
+        });
+    }
+    if is_selected(LongCheck::Jobs) {
+        stages.stage("jobs", |stages| {
+            let test = ["test", "--workspace", "--no-fail-fast", "--test", "jobs"];
+            let mut cargo = workspace.cargo(&test);
+            cargo.args(NOT_NATIVE).args(["--", "--ignored", "--nocapture", "--test-threads", "1"]);
+            stages.count(&mut cargo)
+        });
+    }
+    if is_selected(LongCheck::Api) {
+        stages.stage("api", |_| fuzz_api(workspace));
+    }
+    if is_selected(LongCheck::Fuzz) {
+        stages.stage("fuzz", |_| fuzz(workspace));
+    }
+    Ok(stages.report())
+}
+
+/// Sends valid and invalid requests, generated from the OpenAPI description. Fails if a response does not
+/// conform to the description or is a server error.
+fn fuzz_api(workspace: &Workspace) -> Result<()> {
+    let python = python::environment(workspace, API_REQUIREMENTS)?;
+    run(&mut workspace.cargo(&["build", "-q", "-p", "ngf"]))?;
+    let folder = workspace.target.join("tmp/api");
+    if folder.exists() {
+        std::fs::remove_dir_all(&folder)?;
+    }
+    // The server accepts jobs but does not start them.
+    let serve = [
+        "serve",
+        "--port",
+        "0",
+        "--max-jobs",
+        "0",
+        "--max-writes-per-second",
+        "100000",
+        "--data-dir",
+    ];
+    let mut serve = workspace.command(workspace.program("ngf"), &serve);
+    serve.arg(&folder).env("NGF_LOG", "warn").stdout(Stdio::piped());
+    let mut server = serve.spawn().context("cannot run ngf")?;
+    let mut address = String::new();
+    if let Some(output) = server.stdout.take() {
+        BufReader::new(output).read_line(&mut address)?;
+    }
+    let checks = "not_a_server_error,status_code_conformance,content_type_conformance,\
+                  response_schema_conformance,negative_data_rejection";
+    let description = format!("{}/openapi.json", address.trim());
+    let program = python.with_file_name("schemathesis");
+    let mut schemathesis = workspace.command(program, &["run", &description]);
+    schemathesis.args([
+        "--phases",
+        "coverage,fuzzing",
+        "--continue-on-failure",
+        "--warnings",
+        "off",
+    ]);
+    schemathesis.args(["--checks", checks, "--max-time", "300", "--seed", "1"]);
+    let result = run(&mut schemathesis);
+    server.kill()?;
+    server.wait()?;
+    result
+}
+
+/// Fuzzing time of each target in `fuzz/` (minutes).
+const FUZZ_MINUTES: u32 = 10;
+
+/// Fuzzes the parsers of untrusted input: meshes, weights, replay files, job requests.
+fn fuzz(workspace: &Workspace) -> Result<()> {
+    // libFuzzer is guided by edge counters. These are the flags of cargo-fuzz, which requires a nightly
+    // compiler only for the sanitizers.
+    let flags = "-Cpasses=sancov-module -Cllvm-args=-sanitizer-coverage-level=4 \
+                 -Cllvm-args=-sanitizer-coverage-inline-8bit-counters \
+                 -Cllvm-args=-sanitizer-coverage-pc-table -Ccodegen-units=1";
+    let folder = workspace.target.join("fuzz");
+    let target = folder.to_string_lossy();
+    // With an explicit target, build scripts and macros, which run on the host, are not instrumented.
+    let triple = format!("{}-unknown-linux-gnu", std::env::consts::ARCH);
+    let build = ["build", "-p", "fuzz", "--features", "fuzzer", "--bins", "--target-dir", &target];
+    run(workspace.cargo(&build).args(["--target", &triple]).env("RUSTFLAGS", flags))?;
+    for name in ["mesh", "weights", "replay_file", "job"] {
+        let new_inputs = folder.join("corpus").join(name);
+        std::fs::create_dir_all(&new_inputs)?;
+        let program = folder.join(&triple).join("debug").join(format!("fuzz-{name}"));
+        let mut fuzzing = workspace.command(program, &["-timeout=10", "-rss_limit_mb=4096"]);
+        fuzzing.arg(format!("-max_total_time={}", 60 * FUZZ_MINUTES));
+        // Inputs that cause a crash are written to this folder.
+        fuzzing.arg(format!("-artifact_prefix={}/", folder.display()));
+        run(fuzzing.arg(new_inputs).arg(workspace.root.join("fuzz/corpus").join(name)))?;
+    }
+    Ok(())
+}
+
+fn quick(workspace: &Workspace, stages: &mut StageRunner) {
+    stages.stage("format", |_| run(&mut workspace.cargo(&["fmt", "--all", "--check"])));
+    stages.stage("lints", |_| {
+        let mut clippy = workspace.cargo(&["clippy", "-q", "--workspace", "--all-targets"]);
+        run(clippy.args(["--exclude", "wasm-test-runner", "--", "-D", "warnings"]))
+    });
+    stages.stage("native", |stages| {
+        let mut cargo = workspace.cargo(&["test", "--workspace", "--no-fail-fast"]);
+        stages.count(cargo.args(NOT_NATIVE))
+    });
+    stages.stage("types", |_| {
+        tools::node(workspace)?;
+        tools::npm_packages(workspace, "packages", &workspace.web())?;
+        run(&mut workspace.npm(&workspace.web(), &["run", "--silent", "typecheck"]))
+    });
+}
+
+/// Folder of the dataset that the Python tests read.
+fn dataset_folder(workspace: &Workspace) -> PathBuf {
+    workspace.target.join("tmp/dataset")
+}
+
+/// The Python test, with a small generated dataset as input.
+fn python_tests(workspace: &Workspace) -> Result<Command> {
+    let python = python::environment(workspace, TEST_REQUIREMENTS)?;
+    let folder = dataset_folder(workspace);
+    if folder.exists() {
+        std::fs::remove_dir_all(&folder)?;
+    }
+    let generate = ["dataset", "generate", "--preset", "smoke", "--out"];
+    run(workspace.command(workspace.program("ngf"), &generate).arg(&folder))?;
+    let mut test = workspace.command(python, &["tests/python/read_dataset.py"]);
+    test.arg(folder).arg("docs/datasets.md");
+    Ok(test)
+}
+
+/// Runs one of the [`EXAMPLES`].
+fn run_example(workspace: &Workspace, name: &str) -> Result<()> {
+    let program = workspace.target.join("debug/examples").join(name);
+    run(&mut workspace.command(program, &[]))
+}
+
+/// The tests of crate `wasm`, in headless Chromium.
+fn wasm_tests(workspace: &Workspace) -> Result<Command> {
+    let chromium = chromium::find(workspace)?;
+    tools::wasm_target(workspace)?;
+    run(&mut workspace.cargo(&["build", "-q", "-p", "wasm-test-runner"]))?;
+    let runner = workspace.program("wasm-test-runner");
+    let mut cargo = workspace.cargo(&["test", "-p", "wasm", "--target", "wasm32-unknown-unknown"]);
+    cargo
+        .arg("--no-fail-fast")
+        .env("CARGO_TARGET_WASM32_UNKNOWN_UNKNOWN_RUNNER", runner)
+        .env("CHROMEDRIVER", chromium.driver)
+        .env("WASM_BINDGEN_TEST_TIMEOUT", WASM_TEST_SECONDS);
+    Ok(cargo)
+}
+
+impl StageRunner {
+    fn new() -> Self {
+        Self { total: TestCount::default(), failed: Vec::new(), start: Instant::now() }
+    }
+
+    /// Runs one stage. A failure is printed and recorded; later stages still run.
+    fn stage(&mut self, name: &'static str, work: impl FnOnce(&mut Self) -> Result<()>) {
+        println!("\n--- {name}");
+        let start = Instant::now();
+        match work(self) {
+            Ok(()) => println!("{name}: {:.1} s", start.elapsed().as_secs_f32()),
+            Err(error) => {
+                println!("{name}: failed: {error:#}");
+                self.failed.push(name);
+            }
+        }
+    }
+
+    /// Runs a command, prints its output, and adds the test cases in it to the count.
+    fn count(&mut self, command: &mut Command) -> Result<()> {
+        let mut child = command
+            .stdout(Stdio::piped())
+            .spawn()
+            .with_context(|| format!("cannot run {}", display(command)))?;
+        let output = child.stdout.take().context("no pipe for the output")?;
+        for line in BufReader::new(output).split(b'\n') {
+            let line = line?;
+            let line = String::from_utf8_lossy(&line);
+            println!("{line}");
+            self.total += TestCount::of_line(&line);
+        }
+        let status = child.wait()?;
+        anyhow::ensure!(status.success(), "`{}` failed ({status})", display(command));
+        Ok(())
+    }
+
+    /// Prints the number of passed and failed test cases and the failed stages. Returns whether all passed.
+    fn report(&self) -> bool {
+        let TestCount { passed, failed } = self.total;
+        let seconds = self.start.elapsed().as_secs_f32();
+        let stages = match self.failed.as_slice() {
+            [] => "all stages passed".to_owned(),
+            failed => format!("failed stages: {}", failed.join(", ")),
+        };
+        println!("\n{passed} passed, {failed} failed; {stages} ({seconds:.0} s)");
+        failed == 0 && self.failed.is_empty()
+    }
+}
