@@ -12,7 +12,7 @@ use objects::catalog::{CATALOG, CatalogEntry};
 /// and grasps that withstand them. 16: grasps of the bottle are selected by their success on similar objects.
 /// 17: objects are also placed nearer and farther than in an attempt. 18: this is reverted. 19: new names of
 /// fields and columns.
-pub const VERSION: u32 = 18;
+pub const VERSION: u32 = 19;
 
 /// Requested contents of a dataset. Together with the program version, it determines the bytes of the
 /// dataset.
