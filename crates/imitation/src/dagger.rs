@@ -346,15 +346,10 @@ mod tests {
     #[test]
     fn inactive_networks_are_not_trained() {
         let tree = KinematicTree::iiwa7_allegro().unwrap();
-        let trained = |potential_share| {
+        let trained = |potential_only_fraction| {
             let folder = tempfile::tempdir().unwrap();
             let groups = [demo_group(0, 0.0), demo_group(1, 0.7)];
-            let config = DaggerConfig {
-                steps: 6,
-                batch: 4,
-                potential_only_fraction: potential_share,
-                ..tiny()
-            };
+            let config = DaggerConfig { steps: 6, batch: 4, potential_only_fraction, ..tiny() };
             let mut callback = |_: &TrainingStatus| Ok(true);
             let trained = train(&groups, &tree, &config, None, folder.path(), &mut callback);
             trained.unwrap().unwrap()

@@ -9,7 +9,7 @@ const FINGERTIP_COORDS: usize = 3 * NUM_FINGERS;
 
 /// Mean over states of √(|δ|² + w² Σ |J δ|²), in the unit of `predicted` (for accelerations rad/s²). δ =
 /// `predicted` − `target`, shape (B, DOF); J is the position Jacobian of a fingertip at the configuration; w
-/// = `tip_weight` (rad/m).
+/// = `fingertip_weight` (rad/m).
 ///
 /// *Departure: Eq. 2 has only the joint term. One radian at the shoulder moves the fingertips by half a
 /// metre, one radian at a finger joint by a few centimetres, and the fingertip positions decide whether the
@@ -19,12 +19,13 @@ pub fn joint_and_fingertip_error(
     configurations: &[JointVector],
     predicted: &Tensor,
     target: &[JointVector],
-    tip_weight: f64,
+    fingertip_weight: f64,
 ) -> Result<Tensor> {
     let count = configurations.len();
     let target: Vec<f32> = target.iter().flatten().map(|x| *x as f32).collect();
     let error = (predicted - Tensor::from_vec(target, (count, DOF), &Device::Cpu)?)?;
-    let jacobian = |q: &JointVector| fingertip_jacobian(tree, q).map(|x| (tip_weight * x) as f32);
+    let jacobian =
+        |q: &JointVector| fingertip_jacobian(tree, q).map(|x| (fingertip_weight * x) as f32);
     let jacobians: Vec<f32> = configurations.iter().flat_map(jacobian).collect();
     let jacobians = Tensor::from_vec(jacobians, (count, FINGERTIP_COORDS, DOF), &Device::Cpu)?;
     let at_tips = jacobians.matmul(&error.unsqueeze(2)?)?.squeeze(2)?;
@@ -70,11 +71,13 @@ mod tests {
         );
         let rate = |(a, b): (&robot::Vector, &robot::Vector)| ((a - b) / (2.0 * h)).norm_squared();
         let tips: f64 = plus.iter().zip(&minus).map(rate).sum();
-        for tip_weight in [0.0, 1.0, 3.0] {
+        for fingertip_weight in [0.0, 1.0, 3.0] {
             let found =
-                joint_and_fingertip_error(&tree, &[q], &predicted, &[target], tip_weight).unwrap();
+                joint_and_fingertip_error(&tree, &[q], &predicted, &[target], fingertip_weight)
+                    .unwrap();
             let found = f64::from(found.to_scalar::<f32>().unwrap());
-            let expected = f64::sqrt(step.norm_squared() + tip_weight * tip_weight * tips);
+            let expected =
+                f64::sqrt(step.norm_squared() + fingertip_weight * fingertip_weight * tips);
             assert!((found - expected).abs() < 1e-5 * expected, "got {found}, expected {expected}");
         }
     }

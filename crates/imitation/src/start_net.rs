@@ -159,7 +159,7 @@ fn loss(
     params: &Params,
     tree: &KinematicTree,
     examples: &[&StartExample],
-    tip_weight: f64,
+    fingertip_weight: f64,
 ) -> Result<Tensor> {
     let x: Vec<f32> =
         examples.iter().flat_map(|example| inputs(&example.z, &example.palm)).collect();
@@ -172,7 +172,7 @@ fn loss(
     let [center, half] = joint_ranges(&tree.limits);
     let predicted = predicted.broadcast_mul(&row(half)?)?.broadcast_add(&row(center)?)?;
     let target: Vec<JointVector> = examples.iter().map(|example| example.label).collect();
-    joint_and_fingertip_error(tree, &target, &predicted, &target, tip_weight)
+    joint_and_fingertip_error(tree, &target, &predicted, &target, fingertip_weight)
 }
 
 /// Hash of all examples.

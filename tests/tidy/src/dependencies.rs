@@ -58,7 +58,13 @@ pub(crate) const ALLOWED_DEPENDENCIES: [(&str, &[&str]); 21] = [
             "server",
         ],
     ),
-    ("wasm", &["mesh", "geometry", "objects", "robot", "scene", "grasps", "rollout"]),
+    (
+        "wasm",
+        &[
+            "mesh", "geometry", "objects", "robot", "fabrics", "scene", "grasps", "policy",
+            "rollout",
+        ],
+    ),
     ("fuzz", &["mesh", "geometry", "objects", "robot", "policy", "rollout", "server"]),
     ("tidy", &[]),
     ("examples", &[]),
