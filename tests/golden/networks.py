@@ -97,7 +97,7 @@ def frequencies(blocks, seed):
     return torch.tensor(rows).reshape(-1, FREQUENCIES)
 
 
-ROBOT = xml.etree.ElementTree.parse(HERE / "../../assets/robot/iiwa7_allegro.urdf")
+ROBOT = xml.etree.ElementTree.parse(HERE / "../../assets/robot/iiwa7_allegro/robot.urdf")
 MOVING = [joint for joint in ROBOT.iter("joint") if joint.get("type") == "revolute"]
 
 

@@ -154,7 +154,7 @@ fn torch(workspace: &Workspace) -> Result<Vec<Row>> {
 /// A MuJoCo physics step with the same robot, table and box.
 fn mujoco(workspace: &Workspace) -> Result<Row> {
     let python = python::environment(workspace, "baselines.txt")?;
-    let script = ["tests/python/mujoco_step.py", "assets/robot/iiwa7_allegro.urdf"];
+    let script = ["tests/python/mujoco_step.py", "assets/robot/iiwa7_allegro/robot.urdf"];
     let output = workspace::output_of(&mut workspace.command(python, &script))?;
     output.lines().find_map(row).context("mujoco_step.py printed no row")
 }

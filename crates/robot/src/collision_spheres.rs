@@ -28,9 +28,9 @@ struct SphereRow {
 }
 
 impl KinematicTree {
-    /// Reads the spheres of `assets/robot/collision_spheres.json` and transforms them to body frames.
+    /// Reads the spheres of `assets/robot/iiwa7_allegro/collision_spheres.json` and transforms them to body frames.
     pub fn collision_spheres(&self) -> Result<Vec<Sphere>, UrdfError> {
-        let text = include_str!("../../../assets/robot/collision_spheres.json");
+        let text = include_str!("../../../assets/robot/iiwa7_allegro/collision_spheres.json");
         let file: SphereFile = serde_json::from_str(text)
             .map_err(|error| UrdfError::Tree(format!("collision_spheres.json: {error}")))?;
         file.spheres

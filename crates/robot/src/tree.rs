@@ -99,9 +99,9 @@ pub enum Primitive {
 }
 
 impl KinematicTree {
-    /// Loads the robot of this project from `assets/robot/iiwa7_allegro.urdf`.
+    /// Loads the robot of this project from `assets/robot/iiwa7_allegro/robot.urdf`.
     pub fn iiwa7_allegro() -> Result<Self, UrdfError> {
-        Self::from_urdf(include_str!("../../../assets/robot/iiwa7_allegro.urdf"))
+        Self::from_urdf(include_str!("../../../assets/robot/iiwa7_allegro/robot.urdf"))
     }
 
     /// Builds the tree from URDF text. It requires 7 arm joints followed by 4 x 4 hand joints, and links
@@ -266,7 +266,7 @@ mod tests {
 
     #[test]
     fn invalid_urdf_is_rejected_with_location_and_cause() {
-        let good = include_str!("../../../assets/robot/iiwa7_allegro.urdf");
+        let good = include_str!("../../../assets/robot/iiwa7_allegro/robot.urdf");
         let message = |text: &str| KinematicTree::from_urdf(text).unwrap_err().to_string();
         assert!(message("<robot>").contains("XML"));
         assert!(message(&good.replace("effort=\"0.7\"", "")).contains("attribute effort"));
