@@ -21,21 +21,9 @@ pub struct RobotContext {
     /// Nominal posture (rad): the first IK seed, and the target of IK's null-space motion.
     pub nominal: JointVector,
     /// Further IK seeds (rad), tried in order if the nominal one gives no solution.
-    alternate_seeds: [JointVector; 2],
+    alternate_seeds: Vec<JointVector>,
     ik: IkConfig,
 }
-
-/// Arm joints (rad): hand over the centre of the workspace, palm down, fingers forward, elbow up.
-const NOMINAL_ARM: [f64; robot::ARM_DOF] = [0.0, 1.45, 0.0, -1.8, 0.0, -1.75, 2.3];
-
-/// Arm joints (rad) of the further IK seeds: elbow bent further, or lower and to the side. They help with
-/// near objects and with grasps from behind.
-///
-/// Of 400 arm postures, sampled within 1.1 rad of the nominal one, this pair makes most poses of the bleach
-/// bottle and its variants reachable. With the bottle's eleven grasps of that time, 18 of 2,200 poses were
-/// unreachable, against 161 with the nominal seed only (one run).
-const ALTERNATE_IK_SEEDS: [[f64; robot::ARM_DOF]; 2] =
-    [[0.25, 1.7, 0.5, -2.55, -0.9, -1.0, 1.55], [0.8, 0.65, -0.95, -1.0, 0.9, -0.95, 1.3]];
 
 /// Minimum distance (m) of the open hand and the arm from table and object.
 const MIN_CLEARANCE: f32 = 0.002;
@@ -43,19 +31,17 @@ const MIN_CLEARANCE: f32 = 0.002;
 impl RobotContext {
     /// Loads the standard robot and the standard scene.
     pub fn standard() -> Result<Self, SceneError> {
-        let config = SceneConfig::standard()?;
-        let tree = KinematicTree::iiwa7_allegro()?;
+        Ok(Self::new(SceneConfig::standard()?, KinematicTree::iiwa7_allegro()?))
+    }
+
+    /// Combines a scene and a robot.
+    pub fn new(config: SceneConfig, tree: KinematicTree) -> Self {
         let solids = CollisionModel::new(&tree);
-        let nominal = robot::joint_vector(&NOMINAL_ARM, &config.robot.open);
-        let drawn_in = ALTERNATE_IK_SEEDS.map(|arm| robot::joint_vector(&arm, &config.robot.open));
-        Ok(Self {
-            config,
-            tree,
-            collision_model: solids,
-            nominal,
-            alternate_seeds: drawn_in,
-            ik: IkConfig::standard(),
-        })
+        let posture = |arm: &[f64; robot::ARM_DOF]| robot::joint_vector(arm, &config.robot.open);
+        let nominal = posture(&tree.hand.arm.nominal);
+        let alternate_seeds = tree.hand.arm.alternate_seeds.iter().map(posture).collect();
+        let ik = IkConfig::standard(&tree);
+        Self { config, tree, collision_model: solids, nominal, alternate_seeds, ik }
     }
 
     /// Whether the arm can reach a palm pose, with IK from the grasp posture.
@@ -74,8 +60,8 @@ impl RobotContext {
 
     /// All IK seeds in order, the nominal posture first, each turned towards the object.
     fn ik_seeds_facing(&self, world_from_object: &Pose) -> impl Iterator<Item = JointVector> {
-        let all = [self.nominal, self.alternate_seeds[0], self.alternate_seeds[1]];
-        all.map(|nominal| facing(world_from_object, nominal)).into_iter()
+        let all = std::iter::once(&self.nominal).chain(&self.alternate_seeds);
+        all.map(|nominal| facing(world_from_object, *nominal))
     }
 }
 
@@ -190,8 +176,9 @@ impl<'a> PlacedObject<'a> {
     pub fn clearance(&self, q: &JointVector, max_distance: f32) -> f32 {
         let kinematics = self.robot.tree.forward_kinematics(q);
         let table = table_shape(&self.robot.config);
-        // Bodies 0 to 2, the base of the arm, are always close to the table.
-        (3..=DOF).fold(max_distance, |min, body| {
+        // The base of the arm is always close to the table.
+        let first_body = self.robot.tree.hand.avoidance.first_body;
+        (first_body..=DOF).fold(max_distance, |min, body| {
             let robot = &self.robot.collision_model;
             let min = robot.body_distance(&kinematics, body, &self.shapes, min).min(min);
             robot.body_distance(&kinematics, body, std::slice::from_ref(&table), min).min(min)

@@ -1,5 +1,6 @@
 //! Convex collision shapes of the robot, for physics and distance queries.
 
+use crate::hand_model::LinkRole;
 use crate::tree::{CollisionShape, KinematicTree, Primitive};
 use crate::{DOF, Kinematics, rotation};
 use geometry::convex_shape::ConvexShape;
@@ -19,7 +20,7 @@ impl CollisionShape {
             Primitive::Cylinder { radius, half_length } => {
                 ConvexShape::prism(radius as f32, half_length as f32, 0.0, CYLINDER_SIDES)?
             }
-            Primitive::Capsule { radius, half_length } if self.is_fingertip() => {
+            Primitive::Capsule { radius, half_length } if self.role == LinkRole::Distal => {
                 let radius = radius as f32;
                 ConvexShape::prism(
                     radius,
@@ -33,13 +34,6 @@ impl CollisionShape {
             }
         };
         Some(solid.transformed(&rotation::to_pose(&self.origin)))
-    }
-
-    fn is_fingertip(&self) -> bool {
-        matches!(
-            self.link.as_str(),
-            "index_link_3" | "middle_link_3" | "ring_link_3" | "thumb_link_3"
-        )
     }
 }
 

@@ -20,21 +20,26 @@ struct SphereFile {
     spheres: Vec<SphereRow>,
 }
 
-#[derive(serde::Deserialize)]
-struct SphereRow {
+/// A sphere of the file, link frame (m).
+#[derive(Clone, Debug, serde::Deserialize)]
+pub(crate) struct SphereRow {
     link: String,
     center: [f64; 3],
     radius: f64,
 }
 
+/// Parses `collision_spheres.json` in the folder of a robot.
+pub(crate) fn parse(text: &str) -> Result<Vec<SphereRow>, UrdfError> {
+    let file: SphereFile = serde_json::from_str(text)
+        .map_err(|error| UrdfError::Tree(format!("collision_spheres.json: {error}")))?;
+    Ok(file.spheres)
+}
+
 impl KinematicTree {
-    /// Reads the spheres of `assets/robot/iiwa7_allegro/collision_spheres.json` and transforms them to body frames.
+    /// Transforms the spheres to body frames. An error names a link that does not exist.
     pub fn collision_spheres(&self) -> Result<Vec<Sphere>, UrdfError> {
-        let text = include_str!("../../../assets/robot/iiwa7_allegro/collision_spheres.json");
-        let file: SphereFile = serde_json::from_str(text)
-            .map_err(|error| UrdfError::Tree(format!("collision_spheres.json: {error}")))?;
-        file.spheres
-            .into_iter()
+        self.spheres
+            .iter()
             .map(|row| {
                 let Some(frame) = self.frames.get(&row.link) else {
                     return Err(UrdfError::Tree(format!(
@@ -45,7 +50,7 @@ impl KinematicTree {
                 let center =
                     frame.body_from_frame.transform_point(&Vector::from(row.center).into());
                 let (body, center) = (frame.body, center.coords);
-                Ok(Sphere { body, center, radius: row.radius, link: row.link })
+                Ok(Sphere { body, center, radius: row.radius, link: row.link.clone() })
             })
             .collect()
     }

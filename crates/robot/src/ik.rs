@@ -18,23 +18,27 @@ pub struct IkConfig {
     pub nullspace_gain: f64,
     /// Margin kept to the joint limits (rad).
     pub limit_margin: f64,
+    /// Joint indices of elbow and wrist.
+    pub flexion_joints: Vec<usize>,
     /// Min flexion of elbow and wrist (rad), with the sign of the nominal posture. Two families of solutions
     /// meet at the straight joint. If both are allowed, the solutions of neighbouring targets jump between
     /// them.
     pub min_flexion: f64,
+    /// Joint indices of the rolls of upper arm and forearm.
+    pub roll_joints: Vec<usize>,
     /// Max roll of upper arm and forearm (rad) from the nominal posture. Far from it, an elbow on the left
     /// and one on the right are equally near, and the solutions of neighbouring targets jump between them.
     pub max_roll: f64,
 }
 
-const UPPER_ARM: usize = 2;
-const ELBOW: usize = 3;
-const FOREARM: usize = 4;
-const WRIST: usize = 5;
-
 impl IkConfig {
-    /// Values that place the palm within 0.1 mm. They are our own: the paper gives none.
-    pub fn standard() -> Self {
+    /// Values that place the palm within 0.1 mm. They are our own: the paper gives none. Joint groups and
+    /// their limits are those of the robot's arm.
+    pub fn standard(tree: &KinematicTree) -> Self {
+        let arm = &tree.hand.arm;
+        // The loader rejects unknown names.
+        let indices =
+            |names: &[String]| names.iter().filter_map(|name| tree.joint_index(name)).collect();
         Self {
             max_iterations: 200,
             position_tolerance: 1e-4,
@@ -42,8 +46,10 @@ impl IkConfig {
             damping: 0.02,
             nullspace_gain: 0.1,
             limit_margin: 0.02,
-            min_flexion: 0.4,
-            max_roll: 1.9,
+            flexion_joints: indices(&arm.flexion_joints),
+            min_flexion: arm.min_flexion,
+            roll_joints: indices(&arm.roll_joints),
+            max_roll: arm.max_roll,
         }
     }
 }
@@ -88,11 +94,11 @@ pub fn solve(
             q[i] += step[i];
         }
         q = tree.limits.clamp(&q, config.limit_margin);
-        for joint in [ELBOW, WRIST] {
+        for &joint in &config.flexion_joints {
             let side = nominal[joint].signum();
             q[joint] = side * (side * q[joint]).max(config.min_flexion);
         }
-        for joint in [UPPER_ARM, FOREARM] {
+        for &joint in &config.roll_joints {
             q[joint] =
                 q[joint].clamp(nominal[joint] - config.max_roll, nominal[joint] + config.max_roll);
         }
@@ -108,7 +114,7 @@ mod tests {
     fn solutions_reach_the_target_within_tolerance() {
         let tree = KinematicTree::iiwa7_allegro().unwrap();
         let nominal = crate::joint_vector(&[0.0, 0.4, 0.0, -1.4, 0.0, 1.2, 0.8], &[0.3; 16]);
-        let config = IkConfig::standard();
+        let config = IkConfig::standard(&tree);
         let mut solved = 0;
         for seed in 0..50 {
             // A reachable palm pose: the pose of a posture near the nominal one.
@@ -132,6 +138,6 @@ mod tests {
         let tree = KinematicTree::iiwa7_allegro().unwrap();
         let nominal = JointVector::from_element(0.3);
         let far = Isometry::translation(2.0, 0.0, 0.5);
-        assert!(solve(&tree, &far, &nominal, &IkConfig::standard()).is_none());
+        assert!(solve(&tree, &far, &nominal, &IkConfig::standard(&tree)).is_none());
     }
 }

@@ -48,6 +48,11 @@ impl KinematicTree {
 }
 
 impl<'a> Kinematics<'a> {
+    /// The robot model.
+    pub fn tree(&self) -> &'a KinematicTree {
+        self.tree
+    }
+
     /// World pose of a frame.
     pub fn frame_pose(&self, frame: &Frame) -> Isometry {
         self.world_from_body[frame.body] * frame.body_from_frame

@@ -1,10 +1,15 @@
 //! Robot model: a KUKA LBR iiwa 7 arm with an Allegro right hand, 23 joints in total.
 //!
+//! The numbers of joints and fingers are constants. All other figures of arm and hand are in the files of
+//! `assets/robot/iiwa7_allegro`, which [`KinematicTree::load`] combines.
+//!
 //! Joint space is double precision (`JointVector`, rad). Positions are in metres in the robot's base frame,
 //! which is the world frame. Independent of physics, tasks and networks.
 
 pub mod collision_shapes;
 pub mod collision_spheres;
+mod description;
+pub mod hand_model;
 pub mod ik;
 pub mod integrator;
 pub mod kinematics;
@@ -14,6 +19,8 @@ pub mod spline;
 pub mod tree;
 mod urdf;
 
+pub use description::RobotDescription;
+pub use hand_model::HandModel;
 pub use kinematics::Kinematics;
 pub use limits::JointLimits;
 pub use tree::KinematicTree;
@@ -27,6 +34,8 @@ pub const HAND_DOF: usize = 16;
 pub const DOF: usize = ARM_DOF + HAND_DOF;
 /// Number of fingers, including the thumb, which comes last.
 pub const NUM_FINGERS: usize = 4;
+/// Number of joints of a finger.
+pub const FINGER_DOF: usize = HAND_DOF / NUM_FINGERS;
 
 /// A vector with one value per joint, arm joints first.
 pub type JointVector = nalgebra::SVector<f64, DOF>;
@@ -56,6 +65,12 @@ impl JointState {
 /// Concatenates 7 arm values and 16 hand values to a joint vector.
 pub fn joint_vector(arm: &[f64; ARM_DOF], hand: &[f64; HAND_DOF]) -> JointVector {
     JointVector::from_fn(|i, _| if i < ARM_DOF { arm[i] } else { hand[i - ARM_DOF] })
+}
+
+/// Whether a hand joint flexes its finger. The first joint of a finger abducts it; that of the thumb rotates
+/// it.
+pub fn is_flexion_joint(hand_joint: usize) -> bool {
+    !hand_joint.is_multiple_of(FINGER_DOF)
 }
 
 /// Extracts the hand joints of a joint vector.

@@ -3,13 +3,18 @@
 //! Links connected by fixed joints are merged into one body: mount and palm belong to the last arm body, and
 //! each fingertip frame belongs to its distal link.
 
+use crate::collision_spheres::{self, SphereRow};
+use crate::description::RobotDescription;
+use crate::hand_model::{HandModel, LinkRole};
 use crate::limits::JointLimits;
 use crate::urdf::{self, UrdfError, UrdfLink};
 use crate::{ARM_DOF, DOF, Isometry, JointVector, NUM_FINGERS, Vector};
 use nalgebra::Matrix3;
 use std::collections::BTreeMap;
 
-/// Kinematics, inertias and collision shapes of the robot.
+/// Kinematics, inertias and collision shapes of the robot, and the figures of its hand.
+///
+/// Hand and spheres are not serialized, so they do not contribute to the hash of the scene.
 #[derive(Clone, Debug, serde::Serialize)]
 pub struct KinematicTree {
     /// Joints in topological order: joint i moves body i + 1, and parents precede children.
@@ -24,6 +29,12 @@ pub struct KinematicTree {
     pub palm: Frame,
     /// Fingertip centres: index, middle, ring, thumb.
     pub fingertips: [Frame; NUM_FINGERS],
+    /// Figures of arm and hand that no URDF contains.
+    #[serde(skip)]
+    pub hand: HandModel,
+    /// Spheres that cover the robot, link frames.
+    #[serde(skip)]
+    pub(crate) spheres: Vec<SphereRow>,
 }
 
 /// A revolute joint.
@@ -72,6 +83,9 @@ pub struct CollisionShape {
     pub origin: Isometry,
     /// Type and size; the long axis is z.
     pub primitive: Primitive,
+    /// Role of the link in collisions, from the hand file.
+    #[serde(skip)]
+    pub role: LinkRole,
 }
 
 /// Primitive shapes, sizes in metres.
@@ -99,14 +113,23 @@ pub enum Primitive {
 }
 
 impl KinematicTree {
-    /// Loads the robot of this project from `assets/robot/iiwa7_allegro/robot.urdf`.
+    /// The robot of this project: [`RobotDescription::STANDARD`].
     pub fn iiwa7_allegro() -> Result<Self, UrdfError> {
-        Self::from_urdf(include_str!("../../../assets/robot/iiwa7_allegro/robot.urdf"))
+        Self::load(&RobotDescription::STANDARD)
     }
 
-    /// Builds the tree from URDF text. It requires 7 arm joints followed by 4 x 4 hand joints, and links
-    /// named `palm`, `index_tip`, `middle_tip`, `ring_tip` and `thumb_tip`.
-    pub fn from_urdf(text: &str) -> Result<Self, UrdfError> {
+    /// Builds the tree from the texts of a robot folder. The URDF requires 7 arm joints followed by 4 x 4 hand
+    /// joints, and the links that the hand file names.
+    pub fn load(description: &RobotDescription) -> Result<Self, UrdfError> {
+        let hand = HandModel::parse(description.hand)?;
+        let spheres = collision_spheres::parse(description.collision_spheres)?;
+        let tree = Self::build(description.urdf, hand, spheres)?;
+        tree.hand.check(&tree)?;
+        tree.collision_spheres()?;
+        Ok(tree)
+    }
+
+    fn build(text: &str, hand: HandModel, spheres: Vec<SphereRow>) -> Result<Self, UrdfError> {
         let (links, joints) = urdf::parse(text)?;
         let mut link_of: BTreeMap<&str, &UrdfLink> =
             links.iter().map(|link| (link.name.as_str(), link)).collect();
@@ -163,9 +186,9 @@ impl KinematicTree {
                 .copied()
                 .ok_or_else(|| UrdfError::Tree(format!("no link named {name}")))
         };
-        let palm = frame("palm")?;
-        let tips =
-            [frame("index_tip")?, frame("middle_tip")?, frame("ring_tip")?, frame("thumb_tip")?];
+        let palm = frame(&hand.links.palm)?;
+        let [index, middle, ring, thumb] = hand.links.fingertips.each_ref().map(|tip| frame(tip));
+        let tips = [index?, middle?, ring?, thumb?];
         if palm.body != ARM_DOF {
             return Err(UrdfError::Tree("the palm must be fixed to the child of joint 7".into()));
         }
@@ -177,7 +200,15 @@ impl KinematicTree {
             torque: column(3),
             acceleration: column(4),
         };
-        Ok(Self { joints: revolute, bodies, limits, palm, fingertips: tips, frames })
+        for shape in bodies.iter_mut().flat_map(|body| &mut body.shapes) {
+            shape.role = hand.links.role(&shape.link);
+        }
+        Ok(Self { joints: revolute, bodies, limits, palm, fingertips: tips, frames, hand, spheres })
+    }
+
+    /// Index of the joint `name` in a joint vector.
+    pub fn joint_index(&self, name: &str) -> Option<usize> {
+        self.joints.iter().position(|joint| joint.name == name)
     }
 }
 
@@ -266,8 +297,11 @@ mod tests {
 
     #[test]
     fn invalid_urdf_is_rejected_with_location_and_cause() {
-        let good = include_str!("../../../assets/robot/iiwa7_allegro/robot.urdf");
-        let message = |text: &str| KinematicTree::from_urdf(text).unwrap_err().to_string();
+        let good = RobotDescription::STANDARD.urdf;
+        let message = |text: &str| {
+            let description = RobotDescription { urdf: text, ..RobotDescription::STANDARD };
+            KinematicTree::load(&description).unwrap_err().to_string()
+        };
         assert!(message("<robot>").contains("XML"));
         assert!(message(&good.replace("effort=\"0.7\"", "")).contains("attribute effort"));
         assert!(

@@ -1,5 +1,6 @@
 //! URDF parser: links with inertia and primitive collision shapes, revolute and fixed joints.
 
+use crate::hand_model::LinkRole;
 use crate::tree::{CollisionShape, Primitive};
 use crate::{Isometry, Vector, rotation};
 use nalgebra::Matrix3;
@@ -26,6 +27,9 @@ pub enum UrdfError {
     /// The links and joints do not form the expected kinematic tree.
     #[error("robot description: {0}")]
     Tree(String),
+    /// The hand file is not valid, or does not match the URDF.
+    #[error("hand file: {0}. Correct hand.toml in the folder of the robot")]
+    Hand(String),
 }
 
 pub(crate) struct UrdfLink {
@@ -95,6 +99,7 @@ fn parse_link(node: Node) -> Result<UrdfLink, UrdfError> {
             link: name.clone(),
             origin: parse_origin(collision)?,
             primitive: geometry,
+            role: LinkRole::default(),
         });
     }
     Ok(link)
