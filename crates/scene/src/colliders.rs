@@ -6,12 +6,13 @@ use objects::object::Object;
 use rapier3d::prelude::{
     CoefficientCombineRule, ColliderBuilder, Group, InteractionGroups, InteractionTestMode,
 };
+use robot::hand_model::LinkRole;
 use robot::tree::CollisionShape;
 use robot::{ARM_DOF, KinematicTree};
 
 /// Bits 0 to 7 are the arm bodies.
 const PALM: u32 = 1 << 8;
-/// First link of each finger and second link of the thumb. They overlap the palm.
+/// Links of the fingers that overlap the palm ([`LinkRole::FingerBase`]).
 const FINGER_BASES: u32 = 1 << 9;
 const FINGERS: u32 = 1 << 10;
 const OBJECT: u32 = 1 << 11;
@@ -29,7 +30,8 @@ pub(crate) fn body_colliders(
         .filter_map(|shape| {
             let solid = shape.convex_shape()?;
             let builder = ColliderBuilder::new(solid.shape).position(solid.pose);
-            Some(massless(builder).friction(friction).collision_groups(robot_groups(body, shape)))
+            let groups = robot_groups(tree, body, shape);
+            Some(massless(builder).friction(friction).collision_groups(groups))
         })
         .collect()
 }
@@ -71,24 +73,24 @@ fn interaction_groups(of: u32, with: u32) -> InteractionGroups {
     )
 }
 
-/// Arm links collide only with arm links at least three joints away, because nearer links overlap by design.
-fn robot_groups(body: usize, shape: &CollisionShape) -> InteractionGroups {
-    let arm_at_least = |distance: usize| {
-        (0..=ARM_DOF).filter(|i| i.abs_diff(body) >= distance).map(|i| 1u32 << i).sum::<u32>()
-    };
+/// Collision groups of a shape. Arm links collide only with arm links at a min number of joints away, because
+/// nearer links overlap by design.
+fn robot_groups(tree: &KinematicTree, body: usize, shape: &CollisionShape) -> InteractionGroups {
+    let gap = tree.hand.self_collision.min_arm_joint_gap;
+    let distant_arm =
+        (0..=ARM_DOF).filter(|i| i.abs_diff(body) >= gap).map(|i| 1u32 << i).sum::<u32>();
     let hand = PALM | FINGER_BASES | FINGERS;
     let environment = OBJECT | TABLE;
     if body > ARM_DOF {
-        let is_base = shape.link.ends_with("_link_0") || shape.link == "thumb_link_1";
         let arm = (1 << ARM_DOF) - 1;
-        return if is_base {
+        return if shape.role == LinkRole::FingerBase {
             interaction_groups(FINGER_BASES, arm | FINGERS | FINGER_BASES | environment)
         } else {
             interaction_groups(FINGERS, arm | (1 << ARM_DOF) | hand | environment)
         };
     }
     if body == ARM_DOF {
-        return interaction_groups(PALM | 1 << ARM_DOF, arm_at_least(3) | FINGERS | environment);
+        return interaction_groups(PALM | 1 << ARM_DOF, distant_arm | FINGERS | environment);
     }
-    interaction_groups(1 << body, arm_at_least(3) | hand | environment)
+    interaction_groups(1 << body, distant_arm | hand | environment)
 }

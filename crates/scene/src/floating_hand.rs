@@ -16,13 +16,10 @@ use objects::object::Object;
 use rapier3d::prelude::{
     MultibodyJointHandle, PhysicsWorld, RigidBodyBuilder, RigidBodyHandle, RigidBodyType,
 };
-use robot::{ARM_DOF, DOF, JointState, JointVector, KinematicTree, NUM_FINGERS, rotation};
+use robot::{ARM_DOF, DOF, FINGER_DOF, JointState, JointVector, KinematicTree, rotation};
 
 /// Physics steps per control period: half as many as the full scene, because the mass matrices are small.
 const SUBSTEPS: usize = 4;
-
-/// Number of joints per finger.
-const FINGER_DOF: usize = (DOF - ARM_DOF) / NUM_FINGERS;
 
 /// Table, object and hand. The simulation frame is fixed to the palm and equals the world frame at the grasp.
 pub struct FloatingHandScene<'a> {

@@ -26,7 +26,8 @@ pub struct RepulsionConfig {
 pub struct Obstacle {
     /// Convex shapes, world frame.
     pub shapes: Vec<ConvexShape>,
-    /// First body that is repelled. The arm's base is fixed near the table and needs no repulsion.
+    /// First body that is repelled. The arm's base is fixed near the table and needs no repulsion
+    /// ([`robot::hand_model::Avoidance::first_body`]).
     pub first_active_body: usize,
 }
 
@@ -46,6 +47,7 @@ pub fn add(
     config: &RepulsionConfig,
 ) {
     let motion = kinematics.velocities(qd);
+    let last_arm_body = kinematics.tree().hand.avoidance.last_self_body;
     let centers: Vec<Vector> = spheres
         .iter()
         .map(|s| kinematics.world_from_body[s.body].transform_point(&s.center.into()).coords)
@@ -55,7 +57,7 @@ pub fn add(
         let mut near: Vec<ClosestObstacle> = active
             .filter_map(|obstacle| closest_obstacle(&obstacle.shapes, center, sphere.radius))
             .collect();
-        near.extend(self_distances(sphere, center, spheres, &centers));
+        near.extend(self_distances(sphere, center, spheres, &centers, last_arm_body));
         near.retain(|n| n.distance < config.max_distance);
         if near.is_empty() {
             continue;
@@ -102,15 +104,16 @@ fn closest_obstacle(
         })
 }
 
-/// Distances of a hand sphere to the base and the first three arm links, the only arm links in its reach.
+/// Distances of a hand sphere to the bodies of the arm up to `last_arm_body`, the only ones in its reach.
 fn self_distances<'a>(
     sphere: &'a Sphere,
     center: &'a Vector,
     spheres: &'a [Sphere],
     centers: &'a [Vector],
+    last_arm_body: usize,
 ) -> impl Iterator<Item = ClosestObstacle> + 'a {
     let is_hand = sphere.body >= robot::ARM_DOF;
-    let arm = spheres.iter().zip(centers).filter(move |(s, _)| is_hand && s.body <= 3);
+    let arm = spheres.iter().zip(centers).filter(move |(s, _)| is_hand && s.body <= last_arm_body);
     arm.map(move |(s, c)| {
         let offset = center - c;
         let distance = offset.norm();
