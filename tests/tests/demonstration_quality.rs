@@ -61,9 +61,9 @@ fn demonstrations_reach_feasible_goals_with_low_jerk() {
             let placed = at_origin.at_pose(&pose);
             let Some((_, posture)) = placed.reachable(&grasps).next() else { continue };
             let palm = robot.tree.forward_kinematics(&posture.grasp).palm_pose();
-            let (region, bounds) = (&robot.config.pregrasp_region, &object.bounds);
+            let bounds = &object.bounds;
             let target =
-                demonstration::sample_pregrasp_pose(region, bounds, &pose, &palm, &mut rng);
+                demonstration::sample_pregrasp_pose(&robot, bounds, &pose, &palm, &mut rng);
             let found = demonstration::demonstrate(&placed, &posture, &target, &config);
             if robot.can_reach(&target, &posture) {
                 reachable += 1;

@@ -50,13 +50,8 @@ fn assert_demonstrations_lift(name: &str) {
             if num_planned == DEMONSTRATIONS {
                 break;
             }
-            let target = demonstration::sample_pregrasp_pose(
-                &robot.config.pregrasp_region,
-                &object.bounds,
-                &pose,
-                &palm,
-                &mut rng,
-            );
+            let target =
+                demonstration::sample_pregrasp_pose(&robot, &object.bounds, &pose, &palm, &mut rng);
             match demonstration::demonstrate(&placed, &posture, &target, &config) {
                 Err(failure) => *failures.entry(failure).or_insert(0) += 1,
                 Ok(motion) => {
@@ -99,10 +94,9 @@ fn rotated_demonstration_lifts_rotated_object() {
 
         let palm = robot.tree.forward_kinematics(&posture.grasp).palm_pose();
         let mut rng = ChaCha8Rng::seed_from_u64(3);
-        let (region, bounds) = (&robot.config.pregrasp_region, &object.bounds);
         let target = demonstration::sample_pregrasp_pose(
-            region,
-            bounds,
+            &robot,
+            &object.bounds,
             &here.world_from_object,
             &palm,
             &mut rng,

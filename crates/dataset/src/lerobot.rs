@@ -96,7 +96,7 @@ fn info(tree: &KinematicTree, tasks: usize, episodes: usize, frames: usize) -> V
     let scalar = |dtype: &str| json!({ "dtype": dtype, "shape": [1], "names": null });
     json!({
         "codebase_version": "v3.0",
-        "robot_type": "kuka_iiwa7_allegro",
+        "robot_type": tree.hand.name,
         "total_episodes": episodes,
         "total_frames": frames,
         "total_tasks": tasks,

@@ -62,14 +62,7 @@ pub fn shared_pregrasp(
     let bounds = [Vec3::new(-width, -width, min.z), Vec3::new(width, width, max.z)];
     let to_azimuth = rotation::rotation_z(f64::from(azimuth));
     let palm = to_azimuth.inverse() * palm;
-    to_azimuth
-        * demonstration::sample_pregrasp_pose(
-            &robot.config.pregrasp_region,
-            &bounds,
-            &in_front,
-            &palm,
-            rng,
-        )
+    to_azimuth * demonstration::sample_pregrasp_pose(robot, &bounds, &in_front, &palm, rng)
 }
 
 #[cfg(test)]

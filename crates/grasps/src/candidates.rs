@@ -8,11 +8,8 @@ use geometry::convex_shape::ConvexShape;
 use geometry::{Pose, Vec3};
 use objects::object::Object;
 use rand::{Rng, RngExt};
-use robot::{ARM_DOF, DOF, HAND_DOF, Isometry, Vector, rotation};
+use robot::{ARM_DOF, DOF, HAND_DOF, HandModel, Isometry, Vector, rotation};
 use scene::SceneConfig;
-
-/// Midpoint between fingertips and thumb (m, palm frame).
-pub const GRASP_CENTER: [f64; 3] = [0.085, 0.0, 0.012];
 
 /// How candidates are sampled, closed and rejected.
 #[derive(Clone, Debug)]
@@ -44,10 +41,10 @@ pub struct CandidateConfig {
 
 impl CandidateConfig {
     /// Our values; the paper uses grasps of a published dataset as candidates.
-    pub fn standard(scene: &SceneConfig) -> Self {
+    pub fn standard(scene: &SceneConfig, hand: &HandModel) -> Self {
         Self {
             pregrasp: scene.robot.open,
-            grasp_center: GRASP_CENTER,
+            grasp_center: hand.grasp.center,
             lateral_range: 0.5,
             max_tilt: 1.5,
             backoff: 0.004,
@@ -56,17 +53,17 @@ impl CandidateConfig {
             max_residual: 0.05,
             min_force_margin: 1.0,
             closing: ClosingConfig {
-                finger_rates: [1.0, 0.8, 0.6],
-                thumb_rates: [0.3, 0.8, 0.8],
+                finger_rates: hand.closing.finger_rates,
+                thumb_rates: hand.closing.thumb_rates,
                 step: 0.01,
                 contact_distance: 0.0005,
             },
             squeeze: SqueezeConfig {
-                min_force: 1.0,
+                min_force: hand.squeeze.min_force,
                 friction: 0.7,
                 stiffness: f64::from(scene.motors.hand_stiffness),
-                max_torque: 0.7,
-                squeeze_gain: 1.4,
+                max_torque: hand.squeeze.max_torque,
+                squeeze_gain: hand.squeeze.gain,
             },
         }
     }
@@ -207,4 +204,14 @@ pub fn sample_palm(object: &Object, config: &CandidateConfig, rng: &mut impl Rng
         * down;
     let center = turn * Vector::from(config.grasp_center);
     Isometry::from_parts((point - center).into(), turn)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn mass_range_of_imports_is_that_of_the_hand() {
+        assert_eq!(objects::import::MASS_RANGE, HandModel::standard().graspable.mass);
+    }
 }

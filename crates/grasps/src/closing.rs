@@ -2,15 +2,16 @@
 
 use geometry::convex_shape::{ClosestPoints, ConvexShape};
 use robot::collision_shapes::CollisionModel;
-use robot::{ARM_DOF, HAND_DOF, JointVector, KinematicTree, NUM_FINGERS};
+use robot::hand_model::FINGER_FLEXION_DOF;
+use robot::{ARM_DOF, FINGER_DOF, HAND_DOF, JointVector, KinematicTree, NUM_FINGERS};
 
 /// Flexion rates of the fingers and the contact threshold.
 #[derive(Clone, Debug)]
 pub struct ClosingConfig {
     /// Flexion (rad) of the three flexing joints of each finger (index to ring) per unit of closing.
-    pub finger_rates: [f64; 3],
+    pub finger_rates: [f64; FINGER_FLEXION_DOF],
     /// Flexion (rad) of the thumb's joints 1 to 3 per unit of closing.
-    pub thumb_rates: [f64; 3],
+    pub thumb_rates: [f64; FINGER_FLEXION_DOF],
     /// Increment of closing between two distance checks.
     pub step: f64,
     /// A link is in contact if its signed distance (m) from the object is not above this.
@@ -44,14 +45,15 @@ pub fn close_hand(
     let mut q = *pregrasp;
     let mut contacts = [None; NUM_FINGERS];
     for (finger, contact) in contacts.iter_mut().enumerate() {
-        let first = ARM_DOF + 4 * finger;
+        let first = ARM_DOF + FINGER_DOF * finger;
         let rates =
             if finger == NUM_FINGERS - 1 { config.thumb_rates } else { config.finger_rates };
+        // Joint 0 of a finger does not flex it.
         let mut free_from = 1;
-        while free_from < 4 {
+        while free_from < FINGER_DOF {
             let before = q;
             let mut moved = false;
-            for joint in free_from..4 {
+            for joint in free_from..FINGER_DOF {
                 let i = first + joint;
                 let next = q[i] + rates[joint - 1] * config.step;
                 let limit = tree.limits.upper[i] - 0.02;
@@ -63,7 +65,7 @@ pub fn close_hand(
             }
             let kinematics = tree.forward_kinematics(&q);
             // Joint i moves body i + 1.
-            let touching = (free_from..4).rev().find_map(|joint| {
+            let touching = (free_from..FINGER_DOF).rev().find_map(|joint| {
                 let body = first + joint + 1;
                 let nearest = closest_points(robot, &kinematics, body, shapes)?;
                 (nearest.distance <= config.contact_distance).then_some((joint, body, nearest))

@@ -5,15 +5,15 @@
 //! their mean. With both sides of a grasp available, planning selects for both poses the side that needs less
 //! arm motion: the same palm pose in the world.
 
-use crate::candidates::GRASP_CENTER;
 use crate::grasp::Grasp;
 use crate::k_medoids;
 use objects::object::Object;
-use robot::{Isometry, Vector, rotation};
+use robot::{HandModel, Isometry, Vector, rotation};
 
-/// The palm pose after half a turn about the vertical axis through the centre of the grasped cross-section.
-pub fn half_turn(object: &Object, object_from_palm: &Isometry) -> Isometry {
-    let grasped = object_from_palm.transform_point(&GRASP_CENTER.into());
+/// The palm pose after half a turn about the vertical axis through the centre of the cross-section that `hand`
+/// grasps.
+pub fn half_turn(hand: &HandModel, object: &Object, object_from_palm: &Isometry) -> Isometry {
+    let grasped = object_from_palm.transform_point(&hand.grasp.center.into());
     let middle = section_center(object, grasped.z);
     let turn = rotation::from_axis_angle(&Vector::z(), std::f64::consts::PI);
     let about_middle = Isometry::from_parts((middle - turn * middle).into(), turn);
@@ -73,13 +73,14 @@ const MAX_SHAKE_SLIP: f32 = 0.02;
 /// poses, weighted by its score; each next one covers the most of the remaining poses. Clusters are tried in
 /// this order.
 pub fn cluster_grasps(
+    hand: &HandModel,
     object: &Object,
     robust: &[ScoredGrasp],
     reach: &[Vec<bool>],
     count: usize,
 ) -> Vec<Grasp> {
     let poses: Vec<_> = robust.iter().map(|found| found.grasp.object_from_palm).collect();
-    let turned: Vec<_> = poses.iter().map(|pose| half_turn(object, pose)).collect();
+    let turned: Vec<_> = poses.iter().map(|pose| half_turn(hand, object, pose)).collect();
     let symmetric_distance = |a: usize, b: usize| {
         k_medoids::palm_distance(&poses[a], &poses[b])
             .min(k_medoids::palm_distance(&turned[a], &poses[b]))
@@ -146,16 +147,18 @@ mod tests {
             Vector::new(0.1, -0.03, 0.2).into(),
             rotation::from_rpy([0.3, -1.0, 2.0]),
         );
-        let once = half_turn(&bottle(), &pose);
+        let hand = HandModel::standard();
+        let once = half_turn(hand, &bottle(), &pose);
         assert!((once.translation.vector - pose.translation.vector).norm() > 0.1);
-        assert!(k_medoids::palm_distance(&half_turn(&bottle(), &once), &pose) < 1e-12);
+        assert!(k_medoids::palm_distance(&half_turn(hand, &bottle(), &once), &pose) < 1e-12);
     }
 
     #[test]
     fn cluster_with_most_covered_poses_comes_first_with_its_counterpart() {
         let object = bottle();
         let at = |x: f64, z: f64| Isometry::translation(x, 0.0, z);
-        let top = half_turn(&object, &at(0.0, 0.3));
+        let hand = HandModel::standard();
+        let top = half_turn(hand, &object, &at(0.0, 0.3));
         assert!(
             (section_center(&object, 0.19).x - section_center(&object, 0.02).x - 0.0125).abs()
                 < 0.002
@@ -178,10 +181,10 @@ mod tests {
             vec![true, true, false, false, false],
             vec![false, false, true, true, false],
         ];
-        let grasps = cluster_grasps(&object, &robust, &reach, 2);
+        let grasps = cluster_grasps(hand, &object, &robust, &reach, 2);
         let places: Vec<(usize, f64)> =
             grasps.iter().map(|g| (g.cluster, g.object_from_palm.translation.x)).collect();
         assert_eq!(places, [(0, 0.005), (0, top.translation.x), (1, 0.2)]);
-        assert!(cluster_grasps(&object, &[], &[], 7).is_empty());
+        assert!(cluster_grasps(hand, &object, &[], &[], 7).is_empty());
     }
 }

@@ -1,9 +1,8 @@
 //! Demonstrations: fabric motions out of a grasp, reversed, followed by closing and hold (paper §II-A).
 
-use crate::candidates::GRASP_CENTER;
 use crate::grasp::table_shape;
 use crate::trial::{self, GraspMotion, Physics, TrialOutcome, TrialProtocol};
-use crate::{PlacedObject, Posture};
+use crate::{PlacedObject, Posture, RobotContext};
 use fabrics::planner::{Plan, PlannerConfig};
 use fabrics::terms::repulsion::Obstacle;
 use fabrics::{Fabric, FabricConfig, Goal};
@@ -11,7 +10,7 @@ use geometry::{Pose, Vec3};
 use rand::{Rng, RngExt};
 use robot::{Isometry, JointState, JointVector, Vector, integrator, rotation, spline};
 use scene::SceneError;
-use scene::config::{CONTROL_DT, PregraspRegion};
+use scene::config::CONTROL_DT;
 
 /// A motion into a grasp: from above the object through the grasp posture to the squeeze posture, then a
 /// hold.
@@ -64,8 +63,6 @@ pub const MAX_CLEARANCE: f32 = 0.05;
 pub struct TrajectoryConfig {
     /// Distance (m) of all fingertips from the object at which the palm starts to retreat.
     pub release_clearance: f32,
-    /// Angle (rad) by which each flexing finger joint opens beyond the pregrasp posture during the motion.
-    pub extra_opening: f64,
     /// Distance (m) of the goal behind the grasp, along the palm's normal, that the palm retreats towards.
     pub retreat_distance: f64,
     /// Minimum distance (m) between the palm positions at the start and at the grasp.
@@ -91,7 +88,6 @@ impl TrajectoryConfig {
     pub fn standard() -> Self {
         Self {
             release_clearance: 0.02,
-            extra_opening: 0.3,
             retreat_distance: 0.08,
             min_distance: 0.08,
             max_penetration: 0.001,
@@ -121,12 +117,13 @@ pub enum PlanFailure {
 /// The orientation is that of `palm`, tilted by a small random angle. The region scales with the object's
 /// `bounds` and contains the midpoint between fingertips and thumb.
 pub fn sample_pregrasp_pose(
-    region: &PregraspRegion,
+    robot: &RobotContext,
     bounds: &[Vec3; 2],
     world_from_object: &Pose,
     palm: &Isometry,
     rng: &mut impl Rng,
 ) -> Isometry {
+    let region = &robot.config.pregrasp_region;
     let [min, max] = bounds.map(rotation::to_vector);
     let half = (max - min) * 0.5;
     let mut draw = |reach: f64| rng.random_range(-reach..=reach);
@@ -139,7 +136,8 @@ pub fn sample_pregrasp_pose(
         .transform_point(&(offset + Vector::new(0.0, 0.0, max.z + above)).into())
         .coords;
     let turn = rotation::from_axis_angle(&(axis / axis.norm().max(1e-9)), angle) * palm.rotation;
-    Isometry::from_parts((point - turn * Vector::from(GRASP_CENTER)).into(), turn)
+    let grasp_center = Vector::from(robot.tree.hand.grasp.center);
+    Isometry::from_parts((point - turn * grasp_center).into(), turn)
 }
 
 /// Plans a motion out of the grasp to `target` and reverses it.
@@ -232,13 +230,14 @@ fn plan_retreat(
     config: &TrajectoryConfig,
 ) -> Result<Plan, PlanFailure> {
     let (tree, solids) = (&placed.robot.tree, &placed.shapes);
+    let first_active_body = tree.hand.avoidance.first_body;
     let obstacles = vec![
-        Obstacle { shapes: vec![table_shape(&placed.robot.config)], first_active_body: 3 },
-        Obstacle { shapes: solids.clone(), first_active_body: 3 },
+        Obstacle { shapes: vec![table_shape(&placed.robot.config)], first_active_body },
+        Obstacle { shapes: solids.clone(), first_active_body },
     ];
     let fabric = Fabric::new(tree, *nominal, obstacles, FabricConfig::demonstration())
         .map_err(|_| PlanFailure::NotConverged)?;
-    let hand = open_wider(&robot::hand_joints(&posture.pregrasp), config.extra_opening);
+    let hand = open_wider(&robot::hand_joints(&posture.pregrasp), tree.hand.opening.demonstration);
     let grasp_palm = tree.forward_kinematics(&posture.grasp).palm_pose();
     let back = grasp_palm * Isometry::translation(-config.retreat_distance, 0.0, 0.0);
     let planner = PlannerConfig::demonstration();
@@ -308,7 +307,7 @@ const TURN_FRACTION: f64 = 0.8;
 
 /// Opens the flexing joints (rad) of each finger by `widen`; abduction and thumb rotation are unchanged.
 fn open_wider(hand: &[f64; robot::HAND_DOF], widen: f64) -> [f64; robot::HAND_DOF] {
-    std::array::from_fn(|i| if i % 4 == 0 { hand[i] } else { hand[i] - widen })
+    std::array::from_fn(|i| if robot::is_flexion_joint(i) { hand[i] - widen } else { hand[i] })
 }
 
 /// Trims a motion that oscillates near a joint limit: it ends at its slowest state of the last second.
@@ -381,9 +380,9 @@ mod tests {
         let grasps = catalog_grasps("bleach").unwrap().grasps;
         let (_, posture) = placed.reachable(&grasps).next().unwrap();
         let palm = robot.tree.forward_kinematics(&posture.grasp).palm_pose();
-        let (region, pose) = (&robot.config.pregrasp_region, &placed.world_from_object);
+        let pose = &placed.world_from_object;
         let mut rng = ChaCha8Rng::seed_from_u64(3);
-        let target = sample_pregrasp_pose(region, &object.bounds, pose, &palm, &mut rng);
+        let target = sample_pregrasp_pose(&robot, &object.bounds, pose, &palm, &mut rng);
 
         let config = TrajectoryConfig::standard();
         let found = demonstrate(&placed, &posture, &target, &config).unwrap();

@@ -6,7 +6,7 @@
 
 use crate::candidates::CandidateConfig;
 use objects::object::Object;
-use robot::{HAND_DOF, Isometry, KinematicTree, NUM_FINGERS, Vector};
+use robot::{HAND_DOF, Isometry, KinematicTree, Vector};
 
 /// A file of grasps (JSON).
 #[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
@@ -85,8 +85,6 @@ pub struct ImportedGrasp {
 
 /// Maximum difference (m) between the sizes of file and object.
 const SIZE_TOLERANCE: f64 = 0.003;
-/// Angle (rad) by which the flexing joints of each finger open before they close again.
-const OPENING_ANGLE: f64 = 0.35;
 /// Maximum distance (m) of the palm from the object's origin.
 const MAX_PALM_DISTANCE: f64 = 0.6;
 
@@ -150,11 +148,12 @@ impl GraspFile {
         let turn = nalgebra::UnitQuaternion::from_quaternion(turn);
         let mut open = [0.0; HAND_DOF];
         for (joint, &from) in order.iter().enumerate() {
-            let flexes = joint % (HAND_DOF / NUM_FINGERS) != 0;
             let limits = &tree.limits;
             let (lower, upper) =
                 (limits.lower[robot::ARM_DOF + joint], limits.upper[robot::ARM_DOF + joint]);
-            let value = grasp.joints[from] - if flexes { OPENING_ANGLE } else { 0.0 };
+            let opening =
+                if robot::is_flexion_joint(joint) { tree.hand.opening.imported } else { 0.0 };
+            let value = grasp.joints[from] - opening;
             if grasp.joints[from] < lower - 0.2 || grasp.joints[from] > upper + 0.2 {
                 return Err(error("a joint is more than 0.2 rad beyond its limits"));
             }
@@ -205,9 +204,9 @@ mod tests {
         let error =
             got[0].object_from_palm.translation.vector - wanted.object_from_palm.translation.vector;
         assert!(error.norm() < 1e-9, "{error}");
-        let lower = tree.limits.lower[robot::ARM_DOF + 1];
+        let (lower, opening) = (tree.limits.lower[robot::ARM_DOF + 1], tree.hand.opening.imported);
         assert_eq!(got[0].pregrasp[0], wanted.grasp[0]);
-        assert!((got[0].pregrasp[1] - (wanted.grasp[1] - OPENING_ANGLE).max(lower)).abs() < 1e-12);
+        assert!((got[0].pregrasp[1] - (wanted.grasp[1] - opening).max(lower)).abs() < 1e-12);
     }
 
     #[test]

@@ -17,7 +17,8 @@ pub fn plan(
     tree: &KinematicTree,
     state: &JointState,
 ) -> Result<Option<Vec<JointState>>, SceneError> {
-    let obstacle = Obstacle { shapes: vec![table_shape(config)], first_active_body: 3 };
+    let first_active_body = tree.hand.avoidance.first_body;
+    let obstacle = Obstacle { shapes: vec![table_shape(config)], first_active_body };
     let fabric = Fabric::new(tree, state.q, vec![obstacle], FabricConfig::lifting())?;
     let mut palm = tree.forward_kinematics(&state.q).palm_pose();
     palm.translation.vector.z += config.protocol.lift_height;

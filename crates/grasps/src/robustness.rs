@@ -191,12 +191,12 @@ pub(crate) fn is_approachable(
 fn has_approach(placed: &PlacedObject, posture: &Posture) -> bool {
     let PlacedObject { robot, object, world_from_object, .. } = placed;
     let palm = robot.tree.forward_kinematics(&posture.grasp).palm_pose();
-    let (region, bounds) = (&robot.config.pregrasp_region, &object.bounds);
+    let bounds = &object.bounds;
     let config = TrajectoryConfig::standard();
     let mut rng = ChaCha8Rng::seed_from_u64(78);
     (0..NUM_APPROACHES).any(|_| {
         let above =
-            demonstration::sample_pregrasp_pose(region, bounds, world_from_object, &palm, &mut rng);
+            demonstration::sample_pregrasp_pose(robot, bounds, world_from_object, &palm, &mut rng);
         demonstration::demonstrate(placed, posture, &above, &config).is_ok()
     })
 }
@@ -230,7 +230,8 @@ pub fn refine_seeds(
             seeds.push(palm);
         }
     }
-    let turned: Vec<Isometry> = seeds.iter().map(|palm| half_turn(object, palm)).collect();
+    let hand = &robot.tree.hand;
+    let turned: Vec<Isometry> = seeds.iter().map(|palm| half_turn(hand, object, palm)).collect();
     seeds.extend(turned);
     seeds
 }
@@ -258,7 +259,7 @@ mod tests {
         assert_eq!(seeds.len(), 4, "{seeds:?}");
         for palm in [of(&a), of(&b)] {
             assert!(seeds[..2].contains(&palm), "{seeds:?}");
-            assert!(seeds[2..].contains(&half_turn(&object, &palm)), "{seeds:?}");
+            assert!(seeds[2..].contains(&half_turn(&robot.tree.hand, &object, &palm)), "{seeds:?}");
         }
     }
 }

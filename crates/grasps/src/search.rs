@@ -68,7 +68,7 @@ impl SearchConfig {
             object_turn: 0.2,
             max_slip: 0.025,
             num_clusters: 7,
-            candidate: CandidateConfig::standard(&robot.config),
+            candidate: CandidateConfig::standard(&robot.config, &robot.tree.hand),
         }
     }
 
@@ -283,7 +283,8 @@ impl<'a> Search<'a> {
             .map(|i| poses[i])
             .collect();
         if is_turned {
-            seeds.iter_mut().for_each(|pose| *pose = half_turn(self.object, pose));
+            let hand = &self.robot.tree.hand;
+            seeds.iter_mut().for_each(|pose| *pose = half_turn(hand, self.object, pose));
         }
         self.refine_seeds(&seeds, progress)
     }
@@ -375,8 +376,8 @@ impl<'a> Search<'a> {
         let mut reach: Vec<_> = remaining.iter().map(of).collect();
         let (mut confirmed, mut tried) = (Vec::new(), 0);
         loop {
-            let chosen =
-                clusters::cluster_grasps(self.object, &remaining, &reach, self.config.num_clusters);
+            let (hand, count) = (&self.robot.tree.hand, self.config.num_clusters);
+            let chosen = clusters::cluster_grasps(hand, self.object, &remaining, &reach, count);
             let key = |grasp: &Grasp| (grasp.object_from_palm, grasp.grasp, grasp.squeeze);
             let new = chosen.iter().find(|grasp| !confirmed.contains(&key(grasp)));
             let Some(new) = new else { return Ok((chosen, [tried, confirmed.len()])) };

@@ -4,6 +4,7 @@ use crate::clusters::{HALF_TURN_TOLERANCE, ScoredGrasp, half_turn};
 use crate::grasp::Grasp;
 use crate::k_medoids;
 use objects::object::Object;
+use robot::HandModel;
 
 /// Weight of the gain of a grasp without its half-turn counterpart. A point cloud hardly distinguishes a pose
 /// from the pose half a turn away; with a one-sided grasp, similar clouds require two postures
@@ -33,6 +34,7 @@ struct SymmetricPair {
 /// `success_rates` and `covered` are given per grasp, by [`crate::robustness::mean_success_rate`] and
 /// [`crate::robustness::covered_poses`].
 pub fn select_grasps(
+    hand: &HandModel,
     object: &Object,
     found: &[ScoredGrasp],
     success_rates: &[f64],
@@ -47,7 +49,7 @@ pub fn select_grasps(
         grasps,
     };
     let pairs: Vec<SymmetricPair> =
-        with_half_turns(object, found, success_rates).into_iter().map(pair).collect();
+        with_half_turns(hand, object, found, success_rates).into_iter().map(pair).collect();
     let mut chosen = greedy_cover(&pairs, count);
     chosen.sort_by(|a, b| b.success_rate.total_cmp(&a.success_rate));
     let numbered = chosen.iter().enumerate();
@@ -60,6 +62,7 @@ pub fn select_grasps(
 /// Each grasp that ever lifts, alone and paired with each candidate for its counterpart. A counterpart with a
 /// low success rate is still useful where no other grasp is reachable.
 fn with_half_turns(
+    hand: &HandModel,
     object: &Object,
     found: &[ScoredGrasp],
     success_rates: &[f64],
@@ -67,7 +70,7 @@ fn with_half_turns(
     let lifting: Vec<usize> = (0..found.len()).filter(|&i| success_rates[i] > 0.0).collect();
     let pose = |i: usize| &found[i].grasp.object_from_palm;
     let of_one = |&one: &usize| {
-        let turned = half_turn(object, pose(one));
+        let turned = half_turn(hand, object, pose(one));
         let is_other = |&i: &usize| {
             i != one && k_medoids::palm_distance(&turned, pose(i)) < HALF_TURN_TOLERANCE
         };
@@ -160,8 +163,9 @@ mod tests {
             ScoredGrasp { grasp, repeat_successes: 0, shake_slip: None }
         };
         let top = robot::Isometry::translation(0.05, 0.0, 0.3);
-        let found = [scored(top), scored(half_turn(&object, &top)), scored(top)];
-        let all = with_half_turns(&object, &found, &[0.9, 0.3, 0.0]);
+        let hand = HandModel::standard();
+        let found = [scored(top), scored(half_turn(hand, &object, &top)), scored(top)];
+        let all = with_half_turns(hand, &object, &found, &[0.9, 0.3, 0.0]);
         assert_eq!(all, [vec![0], vec![0, 1], vec![1], vec![1, 0]]);
     }
 }

@@ -57,7 +57,7 @@ pub fn transfer(
     for (i, grasp) in set.grasps.iter().enumerate() {
         let other = found.iter().flatten().find(|other: &&Grasp| other.cluster == grasp.cluster);
         if let (None, Some(other)) = (&found[i], other) {
-            let palm = half_turn(object, &other.object_from_palm);
+            let palm = half_turn(&robot.tree.hand, object, &other.object_from_palm);
             found[i] = tries.find_near(&palm, grasp)?;
         }
     }
@@ -285,7 +285,7 @@ mod tests {
         let same = ShapeVariant { scale: Vec3::ONE, shoulder_drop: 0.0 };
         let found = transfer(&robot, &object, &set, &object, &same, &config, 0).unwrap();
         let [one, other] = &found.grasps[..] else { panic!("{found:?}") };
-        let turned = half_turn(&object, &one.object_from_palm);
+        let turned = half_turn(&robot.tree.hand, &object, &one.object_from_palm);
         assert!(
             k_medoids::palm_distance(&turned, &other.object_from_palm)
                 < crate::clusters::HALF_TURN_TOLERANCE

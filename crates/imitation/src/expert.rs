@@ -1,7 +1,7 @@
 //! Surrogate expert: a PD controller along the nearest demonstration (Eq. 1, paper §II-B).
 
 use crate::nearest_neighbor::ConfigurationIndex;
-use robot::{ARM_DOF, DOF, JointState, JointVector};
+use robot::{DOF, HandModel, JointState, JointVector};
 
 /// PD gains of the expert.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -37,13 +37,10 @@ pub struct DemoTrajectories {
 
 const ROW_LEN: usize = 2 * DOF;
 
-/// Weight of arm joints in the configuration metric (hand joints: 1). An arm joint moves the hand several
-/// times as far. The weight reduces corner cutting at the transition from approach to finger closing.
-const ARM_WEIGHT: f64 = 2.0;
-
-/// Weight of a joint in the configuration metric.
+/// Weight of a joint in the configuration metric. That of the arm reduces corner cutting at the transition
+/// from approach to finger closing.
 fn joint_weight(joint: usize) -> f64 {
-    if joint < ARM_DOF { ARM_WEIGHT } else { 1.0 }
+    HandModel::standard().joint_weight(joint)
 }
 
 /// Weighted Euclidean distance (rad) of two configurations.

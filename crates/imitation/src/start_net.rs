@@ -102,9 +102,9 @@ pub fn examples(
                 let pose = robot.config.object_pose(x, y, yaw);
                 let palm = robot.tree.forward_kinematics(&robot.nominal_facing(&pose)).palm_pose();
                 for _ in 0..TARGETS_PER_POSE {
-                    let (region, bounds) = (&robot.config.pregrasp_region, &object.bounds);
+                    let bounds = &object.bounds;
                     let target =
-                        demonstration::sample_pregrasp_pose(region, bounds, &pose, &palm, &mut rng);
+                        demonstration::sample_pregrasp_pose(robot, bounds, &pose, &palm, &mut rng);
                     let palm = encoding.pose_to_canonical(&target);
                     let Some(start) = nearest_start(table, &encoding.latent, &palm) else {
                         continue;

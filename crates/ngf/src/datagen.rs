@@ -43,10 +43,7 @@ pub(crate) fn rows(robot: &RobotContext) -> Result<Vec<Row>> {
         let palm = robot.tree.forward_kinematics(&case.posture.grasp).palm_pose();
         let (place, bounds) = (&case.placed.world_from_object, &case.placed.object.bounds);
         let mut rng = ChaCha8Rng::seed_from_u64(1);
-        let target = |_| {
-            let region = &robot.config.pregrasp_region;
-            demonstration::sample_pregrasp_pose(region, bounds, place, &palm, &mut rng)
-        };
+        let target = |_| demonstration::sample_pregrasp_pose(robot, bounds, place, &palm, &mut rng);
         let targets: Vec<_> = (0..DEMOS_PER_POSE).map(target).collect();
         let config = TrajectoryConfig::standard();
         let found = targets.iter().filter_map(|target| {

@@ -186,8 +186,9 @@ impl GraspSelector<'_> {
         let covered: Vec<Vec<bool>> =
             self.map_cached("coverage", found.par_iter().zip(&rates), covered)?;
         let lifting = rates.iter().filter(|rate| **rate > 0.0).count();
+        let hand = &robot.tree.hand;
         Ok(GraspSet {
-            grasps: selection::select_grasps(object, &found, &rates, &covered, kinds),
+            grasps: selection::select_grasps(hand, object, &found, &rates, &covered, kinds),
             num_candidates: 0,
             num_closed: 0,
             num_tried: 0,

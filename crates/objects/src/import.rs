@@ -10,7 +10,8 @@ use mesh::{self, ImportedMesh, Mesh, MeshError, RepairReport, ResolvedUnit, Simp
 
 /// Density (kg/m³) assumed if no mass is given: that of a packed box of food.
 pub const DEFAULT_DENSITY: f64 = 600.0;
-/// Min and max assumed mass (kg): the range that the hand can lift.
+/// Min and max assumed mass (kg): the range that the standard hand can lift. A test compares it with
+/// `graspable.mass` of the robot's hand file, on which this crate does not depend.
 pub const MASS_RANGE: [f64; 2] = [0.02, 1.5];
 /// Max number of stable poses offered to the user, the most stable ones.
 pub const MAX_STABLE_POSES: usize = 6;

@@ -14,7 +14,7 @@ use grasps::{PlacedObject, lift, object_poses};
 use objects::object::Object;
 use policy::{Model, Observation};
 use rand_chacha::ChaCha8Rng;
-use robot::{Isometry, JointState, JointVector, spline};
+use robot::{ARM_DOF, HAND_DOF, Isometry, JointState, JointVector, KinematicTree, spline};
 use scene::config::CONTROL_DT;
 
 /// Inputs of the approach planner.
@@ -86,9 +86,8 @@ impl ApproachInputs<'_> {
                 continue;
             }
             let palm = robot.tree.forward_kinematics(&posture.grasp).palm_pose();
-            let region = &robot.config.pregrasp_region;
             let target =
-                demonstration::sample_pregrasp_pose(region, &object.bounds, pose, &palm, rng);
+                demonstration::sample_pregrasp_pose(robot, &object.bounds, pose, &palm, rng);
             let planned = demonstration::demonstrate(&placed, &posture, &target, &config);
             let Ok(planned) = planned else { continue };
             return Ok(Ok(self.prepend_approach(&planned.states)));
@@ -171,15 +170,13 @@ pub(crate) fn capture_cloud(
     context.sensor.extract_cloud(&frame)
 }
 
-/// A spline that closes the fingers by 0.9 rad, or up to the joint limits, at a fixed palm.
+/// A spline that flexes the fingers by the hand's scripted angle, or up to the joint limits, at a fixed palm.
 pub(crate) fn scripted_closing(q: &JointVector, context: &RolloutContext) -> Vec<JointState> {
-    let limits = &context.robot.tree.limits;
+    let KinematicTree { limits, hand, .. } = &context.robot.tree;
     let mut closed = *q;
-    for finger in 0..robot::NUM_FINGERS {
-        for joint in 1..4 {
-            let i = robot::ARM_DOF + 4 * finger + joint;
-            closed[i] = (q[i] + 0.9).min(limits.upper[i]);
-        }
+    for joint in (0..HAND_DOF).filter(|joint| robot::is_flexion_joint(*joint)) {
+        let i = ARM_DOF + joint;
+        closed[i] = (q[i] + hand.closing.scripted_angle).min(limits.upper[i]);
     }
     spline::quintic(q, &closed, limits, CONTROL_DT)
 }

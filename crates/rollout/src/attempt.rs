@@ -81,10 +81,9 @@ impl Attempt {
         let cloud = capture_cloud(context, object, &world_from_object, &mut rng);
         let nominal_palm =
             robot.tree.forward_kinematics(&robot.nominal_facing(&world_from_object)).palm_pose();
-        let (region, bounds) = (&robot.config.pregrasp_region, &object.bounds);
         let target = demonstration::sample_pregrasp_pose(
-            region,
-            bounds,
+            robot,
+            &object.bounds,
             &world_from_object,
             &nominal_palm,
             &mut rng,

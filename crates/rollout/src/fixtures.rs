@@ -12,8 +12,8 @@ pub(crate) fn demonstration(placed: &PlacedObject) -> Demonstration {
     let grasps = catalog_grasps("sugar_box").unwrap().grasps;
     let (_, posture) = placed.reachable(&grasps).next().expect("a grasp");
     let palm = robot.tree.forward_kinematics(&posture.grasp).palm_pose();
-    let (region, bounds) = (&robot.config.pregrasp_region, &placed.object.bounds);
+    let bounds = &placed.object.bounds;
     let mut rng = ChaCha8Rng::seed_from_u64(1);
-    let target = demonstration::sample_pregrasp_pose(region, bounds, pose, &palm, &mut rng);
+    let target = demonstration::sample_pregrasp_pose(robot, bounds, pose, &palm, &mut rng);
     demonstration::demonstrate(placed, &posture, &target, &TrajectoryConfig::standard()).unwrap()
 }

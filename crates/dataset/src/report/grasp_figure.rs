@@ -5,7 +5,7 @@ use crate::report::{INK, MUTED};
 use files::svg::Canvas;
 use grasps::{Grasp, RobotContext};
 use objects::object::Object;
-use robot::{ARM_DOF, DOF, rotation};
+use robot::{ARM_DOF, DOF, FINGER_DOF, rotation};
 
 /// Figure size (pixels), and scale (pixels per metre).
 const SIZE: [f32; 2] = [170.0, 210.0];
@@ -31,7 +31,7 @@ pub(crate) fn draw_grasp(
     for body in ARM_DOF..=DOF {
         let pose = rotation::to_pose(&(object_from_world * kinematics.world_from_body[body]));
         for solid in robot.collision_model.body_shapes(body) {
-            let is_distal = body > ARM_DOF && (body - ARM_DOF).is_multiple_of(4);
+            let is_distal = body > ARM_DOF && (body - ARM_DOF).is_multiple_of(FINGER_DOF);
             let color = if is_distal { FINGERTIP_COLOR } else { HAND_COLOR };
             all.extend(facets(&solid.transformed(&pose).mesh(), color));
         }
