@@ -10,6 +10,7 @@ use objects::import::{
     MassSource,
 };
 use objects::object::Object;
+use robot::HandModel;
 use rollout::RolloutContext;
 
 /// Object with its texts for the page.
@@ -24,12 +25,6 @@ pub(crate) struct LoadedObject {
 
 /// Number of directions in which the width is measured.
 const NUM_WIDTH_DIRECTIONS: usize = 90;
-/// Max width (m) that the hand encloses: slightly above the softball (9.7 cm), the widest object that grasps
-/// of the search lift.
-const MAX_GRASP_WIDTH: f32 = 0.10;
-/// Min height (m) of a graspable object: between the hammer (3.0 cm, no grasp found) and the screwdriver (3.8
-/// cm, the lowest object with a grasp).
-const MIN_GRASP_HEIGHT: f32 = 0.035;
 /// Max vertices of a displayed hull; the collision shape may have fewer.
 const MAX_HULL_POINTS: usize = 256;
 
@@ -155,8 +150,9 @@ fn object_info(object: &Object, watertight: bool) -> ObjectInfo {
     }
 }
 
-/// Text about graspability, from the min width in the top view and the height.
+/// Text about graspability by the hand, from the min width in the top view and the height.
 fn graspability_text(mesh: &Mesh) -> String {
+    let graspable = &HandModel::standard().graspable;
     let width = |k: usize| {
         let angle = std::f64::consts::PI * k as f64 / NUM_WIDTH_DIRECTIONS as f64;
         let across = Vec3::new(libm::cos(angle) as f32, libm::sin(angle) as f32, 0.0);
@@ -166,13 +162,13 @@ fn graspability_text(mesh: &Mesh) -> String {
         high - low
     };
     let narrowest = (0..NUM_WIDTH_DIRECTIONS).map(width).fold(f32::MAX, f32::min);
-    let fit = match narrowest > MAX_GRASP_WIDTH {
+    let fit = match narrowest > graspable.max_width {
         true => "wider than the hand opens; only a rim or an edge can be grasped",
         false => "fits the hand",
     };
     let height = mesh.vertices.iter().map(|v| v.z).fold(0.0, f32::max);
     let mut text = format!("{:.1} cm at its narrowest: {fit}", 100.0 * narrowest);
-    if height < MIN_GRASP_HEIGHT {
+    if height < graspable.min_height {
         text += &format!("; {:.1} cm high: too low to grasp", 100.0 * height);
     }
     text

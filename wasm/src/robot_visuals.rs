@@ -52,7 +52,8 @@ pub(crate) fn link_visuals(tree: &KinematicTree) -> Result<Vec<LinkVisual>, serd
     for (index, body) in tree.bodies.iter().enumerate() {
         let cover = profile.links.get(&body.name);
         if let Some(cover) = cover {
-            let color = if body.name == "link_7" { FLANGE_COLOR } else { COVER_COLOR };
+            let is_flange = body.name == tree.hand.links.flange;
+            let color = if is_flange { FLANGE_COLOR } else { COVER_COLOR };
             parts.push(LinkVisual { body: index, color, mesh: cover.mesh() });
         }
         // A cover hides the primitives of its own link, but not those of links fixed to it.
