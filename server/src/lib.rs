@@ -4,28 +4,27 @@
 //! socket: `ngf serve` binds it to an address. Runs no simulation and no training: each job is a separate
 //! worker process, `ngf`, that reports to this server.
 
-mod auth;
 mod extract;
-mod headers;
-mod job;
+mod jobs;
 mod metrics;
+mod middleware;
 mod model;
 mod problem;
 mod quotas;
-mod request_log;
 mod routes;
-pub mod scheduler;
 mod state;
 mod store;
 
 use axum::body::Body;
 use axum::response::IntoResponse;
+use middleware::{auth, headers, request_log};
 use std::time::Duration;
 use tower::ServiceBuilder;
 use tower_http::catch_panic::CatchPanicLayer;
 use tower_http::map_request_body::MapRequestBodyLayer;
 use tower_http::timeout::RequestBodyTimeoutLayer;
 
+pub use jobs::scheduler;
 pub use problem::{Problem, ProblemCode};
 pub use quotas::Quotas;
 pub use state::AppState;

@@ -1,6 +1,6 @@
 //! Prometheus metrics. The values of all labels are bounded; none contains client-supplied text.
 
-use crate::job::{Job, Kind, Status};
+use crate::jobs::{Job, Kind, Status};
 use prometheus_client::encoding::{EncodeLabelSet, text};
 use prometheus_client::metrics::counter::Counter;
 use prometheus_client::metrics::family::Family;
@@ -133,7 +133,7 @@ impl Metrics {
     /// Records the queue wait of a job when its first worker starts.
     pub(crate) fn job_started(&self, job: &Job) {
         if let Some(started) = job.started_at.filter(|_| job.attempt == 1) {
-            let labels = KindLabels { kind: job.kind.name() };
+            let labels = KindLabels { kind: job.kind().name() };
             let waited = (started - job.created_at).as_seconds_f64();
             self.queue_waits.get_or_create(&labels).observe(waited);
         }
@@ -142,7 +142,7 @@ impl Metrics {
     /// Records the duration of a job if it has finished.
     pub(crate) fn job_finished(&self, job: &Job) {
         if let (Some(started), Some(finished)) = (job.started_at, job.finished_at) {
-            let labels = OutcomeLabels { kind: job.kind.name(), outcome: job.status.name() };
+            let labels = OutcomeLabels { kind: job.kind().name(), outcome: job.status.name() };
             self.job_durations
                 .get_or_create(&labels)
                 .observe((finished - started).as_seconds_f64());

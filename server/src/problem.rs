@@ -4,7 +4,7 @@ mod code;
 
 pub use code::ProblemCode;
 
-use crate::job::Job;
+use crate::jobs::Job;
 use crate::store::StoreError;
 use axum::Json;
 use axum::http::{HeaderValue, StatusCode, header};
@@ -345,7 +345,7 @@ impl IntoResponse for Problem {
         if let Some(param) = &self.param {
             body["errors"] = json!([{ "param": param, "detail": self.detail }]);
         }
-        if let Some(id) = crate::request_log::current_request_id() {
+        if let Some(id) = crate::middleware::request_log::current_request_id() {
             body["request_id"] = id.into();
         }
         let is_busy = self.status == StatusCode::SERVICE_UNAVAILABLE;

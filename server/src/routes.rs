@@ -16,7 +16,7 @@ mod static_files;
 mod system;
 
 use crate::extract::MAX_BODY;
-use crate::scheduler::JobScheduler;
+use crate::jobs::scheduler::JobScheduler;
 use crate::{AppState, Problem};
 use axum::Router;
 use axum::extract::{DefaultBodyLimit, FromRequestParts};

@@ -1,9 +1,9 @@
 //! State shared by all routes: folders, configuration, and a cache of file hashes.
 
-use crate::auth::WriteRateLimiter;
+use crate::jobs::scheduler::JobScheduler;
 use crate::metrics::Metrics;
+use crate::middleware::auth::WriteRateLimiter;
 use crate::quotas::Quotas;
-use crate::scheduler::JobScheduler;
 use axum::http::HeaderValue;
 use std::collections::HashMap;
 use std::io;

@@ -1,7 +1,8 @@
 //! Inference network (`policy`) against training network (`imitation`, candle) on states of a dataset.
 
+use configs::DatasetConfig;
+use dataset::Dataset;
 use dataset::generate::{NoProgress, built_in_objects};
-use dataset::{Dataset, DatasetConfig};
 use grasps::RobotContext;
 use imitation::encoder::TrainedEncoder;
 use imitation::nn::Params;

@@ -2,10 +2,11 @@
 //! gradients.
 
 use candle_core::{Device, Tensor};
+use configs::Gains;
 use geometry::Vec3;
 use imitation::backward::Loss;
 use imitation::data_parallel::Gradient;
-use imitation::expert::{self, Gains};
+use imitation::expert;
 use imitation::loss::joint_and_fingertip_error;
 use imitation::nn::{self, Params, autoencoder, chamfer::Chamfer};
 use policy::acceleration_mlp::{self, AccelerationMlp, AccelerationMlpConfig};

@@ -1,11 +1,12 @@
 //! End-to-end pipeline at toy size: demonstrations, encoder, policy, model files, attempt.
 
+use configs::{AutoencoderConfig, DaggerConfig, DatasetConfig};
+use dataset::Dataset;
 use dataset::generate::{NoProgress, built_in_objects};
-use dataset::{Dataset, DatasetConfig};
 use grasps::RobotContext;
-use imitation::autoencoder::{self, AutoencoderConfig};
+use imitation::autoencoder;
 use imitation::callback::TrainingStatus;
-use imitation::dagger::{self, DaggerConfig};
+use imitation::dagger;
 use imitation::demo_group::DemoGroup;
 use imitation::encoder::TrainedEncoder;
 use imitation::split;

@@ -51,7 +51,7 @@ const REPEATS: usize = 10;
 /// Runs all benchmarks, prints the rows and writes them to `json` if given. With `baselines`, also measures
 /// MuJoCo and PyTorch. Returns whether all budgets are met.
 pub(crate) fn run(workspace: &Workspace, json: Option<&Path>, baselines: bool) -> Result<bool> {
-    workspace::run(&mut workspace.cargo(&["build", "-q", "-p", "ngf"]))?;
+    workspace::run(&mut workspace.cargo(&["build", "-q", "-p", "ngf", "-p", "ngf-worker"]))?;
     let mut rows = native(workspace, &[])?;
     rows.extend(training(workspace, baselines)?);
     if baselines {

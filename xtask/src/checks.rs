@@ -131,7 +131,7 @@ pub(crate) fn stress(workspace: &Workspace, selection: &[LongCheck]) -> Result<b
 /// conform to the description or is a server error.
 fn fuzz_api(workspace: &Workspace) -> Result<()> {
     let python = python::environment(workspace, API_REQUIREMENTS)?;
-    run(&mut workspace.cargo(&["build", "-q", "-p", "ngf"]))?;
+    run(&mut workspace.cargo(&["build", "-q", "-p", "ngf", "-p", "ngf-worker"]))?;
     let folder = workspace.target.join("tmp/api");
     if folder.exists() {
         std::fs::remove_dir_all(&folder)?;

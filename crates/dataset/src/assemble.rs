@@ -3,11 +3,12 @@
 use crate::dataset::{CLOUD_BLOCK, Dataset};
 use crate::generate::{FileBatch, Objects, Progress};
 use crate::lerobot::{self, ACTION_DIM, ColumnStats, EpisodeIndex, data_file_path};
-use crate::manifest::{Manifest, SHARDS_DIR};
+use crate::manifest::{self, SHARDS_DIR};
 use crate::parquet_io::{self, Column, Columns};
 use crate::shard::{CLOUD_POINTS, DemoOutcome, DemoTrial, PoseShard, STATE_DIM};
-use crate::summary::Summary;
+use crate::summary::summarize;
 use anyhow::{Context, Result};
+use dataset_manifest::{SUMMARY_FILE, Summary};
 use files::{atomic_file, tensors};
 use grasps::RobotContext;
 use robot::DOF;
@@ -46,9 +47,10 @@ impl Dataset {
         let poses = by_object().map(|(name, shards)| Ok(pose_columns(name, shards)));
         parquet_io::write(&self.dir.join("poses.parquet"), poses, None)?;
         let summary: BTreeMap<&String, Summary> =
-            by_object().map(|(name, shards)| (name, Summary::of(shards, &self.config))).collect();
-        atomic_file::write(&self.dir.join("summary.json"), &serde_json::to_vec_pretty(&summary)?)?;
-        Manifest::build(&self.dir, &self.config, objects)?.write(&self.dir)
+            by_object().map(|(name, shards)| (name, summarize(shards, &self.config))).collect();
+        atomic_file::write(&self.dir.join(SUMMARY_FILE), &serde_json::to_vec_pretty(&summary)?)?;
+        let manifest = manifest::build(&self.dir, &self.config, objects)?;
+        manifest::write(&manifest, &self.dir)
     }
 
     fn read_shard(&self, name: &str, index: usize) -> Result<PoseShard> {

@@ -1,13 +1,13 @@
 //! The folder of a dataset: creating it, opening it, reading training data from it.
 
-use crate::config::{DatasetConfig, VERSION};
 use crate::generate::Objects;
 use crate::lerobot::data_file_path;
-use crate::manifest::{self, MANIFEST_FILE, Manifest, SHARDS_DIR};
+use crate::manifest::{self, SHARDS_DIR};
 use crate::parquet_io;
 use crate::shard::{CLOUD_POINTS, STATE_DIM};
-use crate::summary::Summary;
 use anyhow::{Context, Result, bail, ensure};
+use configs::DatasetConfig;
+use dataset_manifest::{CONFIG_FILE, MANIFEST_FILE, Manifest, SUMMARY_FILE, Summary};
 use files::atomic_file;
 use files::tensors::read_f32;
 use geometry::Vec3;
@@ -52,25 +52,6 @@ pub struct EncoderSample {
     pub cloud: Vec<f32>,
 }
 
-/// Inputs that determine the bytes of a dataset, except for the program version.
-#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-pub struct Provenance {
-    /// Requested contents.
-    pub config: DatasetConfig,
-    /// BLAKE3 of scene file and robot description, hex.
-    pub scene: String,
-    /// BLAKE3 of each object's shape, mass and friction, hex.
-    pub objects: BTreeMap<String, String>,
-}
-
-impl Provenance {
-    pub(crate) fn of(config: &DatasetConfig, objects: &Objects) -> Self {
-        let hashes = objects.iter().map(|(name, object)| (name.clone(), object.hash()));
-        let scene = scene::scene_hash();
-        Self { config: config.clone(), scene, objects: hashes.collect() }
-    }
-}
-
 /// Object poses per file of clouds.
 pub(crate) const CLOUD_BLOCK: usize = 16;
 
@@ -91,8 +72,8 @@ impl Dataset {
     ) -> Result<Self> {
         std::fs::create_dir_all(dir).with_context(|| format!("cannot create {}", dir.display()))?;
         manifest::reject_foreign_files(dir)?;
-        let path = dir.join("config.json");
-        let inputs = Provenance::of(&config, objects);
+        let path = dir.join(CONFIG_FILE);
+        let inputs = manifest::provenance(&config, objects);
         let wanted = serde_json::to_string_pretty(&inputs)?;
         if path.exists() {
             let found = std::fs::read_to_string(&path)
@@ -124,31 +105,13 @@ impl Dataset {
 
     /// Opens a complete dataset.
     pub fn open(dir: &Path) -> Result<Self> {
-        let path = dir.join("config.json");
-        let text = std::fs::read_to_string(&path).with_context(|| {
-            format!("{} is not a dataset: it has no config.json", dir.display())
-        })?;
-        let inputs: Provenance = serde_json::from_str(&text).with_context(|| {
-            format!(
-                "{} does not have format version {VERSION}; generate the dataset again",
-                path.display()
-            )
-        })?;
-        let config = inputs.config;
-        if config.version != VERSION {
-            let version = config.version;
-            bail!(
-                "{} has format version {version}, not {VERSION}; generate it again",
-                path.display()
-            );
-        }
-        Manifest::read(dir)?;
+        let config = dataset_manifest::open(dir)?.config;
         Ok(Self { dir: dir.to_owned(), config })
     }
 
     /// Counts and statistics by object name.
     pub fn summary(&self) -> Result<BTreeMap<String, Summary>> {
-        let path = self.dir.join("summary.json");
+        let path = self.dir.join(SUMMARY_FILE);
         let bytes = atomic_file::read(&path)?;
         serde_json::from_slice(&bytes).with_context(|| format!("{} is damaged", path.display()))
     }

@@ -1,9 +1,9 @@
 //! Demonstrations of one object pose: planned, reversed in time, and each replayed in physics.
 
-use crate::config::DatasetConfig;
 use crate::poses::shared_pregrasp;
 use crate::shard::{DemoOutcome, DemoTrial, PoseShard};
 use anyhow::{Context, Result, ensure};
+use configs::DatasetConfig;
 use grasps::demonstration::{self, Demonstration, TrajectoryConfig};
 use grasps::trial::{Physics, TrialOutcome, TrialProtocol};
 use grasps::{Grasp, GraspBranch, PlacedObject, Posture, lift};

@@ -1,9 +1,10 @@
 //! Episodes of a dataset: the kept demonstrations, numbered from 0 in order of objects and poses.
 
+use crate::Dataset;
 use crate::parquet_io;
 use crate::shard::STATE_DIM;
-use crate::{Dataset, Manifest};
 use anyhow::{Context, Result, ensure};
+use dataset_manifest::Manifest;
 use serde_json::{Value, json};
 
 /// An episode with its states.

@@ -6,10 +6,10 @@
 use crate::clouds::CloudRenderer;
 use crate::dataset::{CLOUDS_PER_FILE, Dataset};
 use crate::demonstrations::PoseTask;
-use crate::manifest::{MANIFEST_FILE, Manifest};
 use crate::poses::low_discrepancy_pose;
 use crate::shard::PoseShard;
 use anyhow::{Context, Result, bail};
+use dataset_manifest::{MANIFEST_FILE, Manifest};
 use files::{atomic_file, tensors};
 use geometry::surface_sampling;
 use grasps::search::{SearchConfig, search};

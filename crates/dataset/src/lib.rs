@@ -5,21 +5,18 @@
 
 mod assemble;
 mod clouds;
-pub mod config;
 pub mod dataset;
 mod demonstrations;
 pub mod episodes;
 pub mod generate;
 mod lerobot;
-pub mod manifest;
+mod manifest;
 mod parquet_io;
 pub mod poses;
 pub mod report;
 pub mod shard;
-pub mod summary;
+mod summary;
 mod verify;
 
-pub use config::DatasetConfig;
 pub use dataset::{Dataset, PoseRecord};
 pub use generate::{Objects, Progress};
-pub use manifest::Manifest;

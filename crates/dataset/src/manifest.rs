@@ -1,117 +1,84 @@
-//! Manifest of a dataset: all files with their hashes, provenance, and one hash of the whole.
+//! The files of a dataset folder: writing its manifest, and verifying them.
 
-use crate::config::DatasetConfig;
-use crate::dataset::Provenance;
 use crate::generate::Objects;
 use anyhow::{Context, Result, bail, ensure};
+use configs::DatasetConfig;
+use dataset_manifest::{CONFIG_FILE, FileEntry, MANIFEST_FILE, Manifest, Provenance, SUMMARY_FILE};
 use files::atomic_file;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
-/// File name of the manifest. It is written last, so its presence marks a complete dataset.
-pub(crate) const MANIFEST_FILE: &str = "manifest.json";
-
-/// One file of a dataset.
-#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-pub struct FileEntry {
-    /// Path relative to the dataset, separated by slashes.
-    pub path: String,
-    /// Size in bytes.
-    pub bytes: u64,
-    /// BLAKE3 hash of the contents, hex.
-    pub blake3: String,
+/// Provenance of a dataset of these objects in the current scene.
+pub(crate) fn provenance(config: &DatasetConfig, objects: &Objects) -> Provenance {
+    let hashes = objects.iter().map(|(name, object)| (name.clone(), object.hash()));
+    let scene = scene::scene_hash();
+    Provenance { config: config.clone(), scene, objects: hashes.collect() }
 }
 
-/// Files and provenance of a dataset.
-#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-pub struct Manifest {
-    /// Name and version of the program that generated the dataset.
-    pub generator: String,
-    /// Configuration, scene and objects.
-    #[serde(flatten)]
-    pub provenance: Provenance,
-    /// All files except the manifest, sorted by path.
-    pub files: Vec<FileEntry>,
-    /// BLAKE3 hash of the fields above, hex.
-    pub hash: String,
+/// Builds the manifest of a folder.
+pub(crate) fn build(dir: &Path, config: &DatasetConfig, objects: &Objects) -> Result<Manifest> {
+    let mut files = Vec::new();
+    for path in list_files(dir)?.into_iter().filter(|path| is_hashed(path)) {
+        files.push(hash_file(dir, &path)?);
+    }
+    let manifest = Manifest {
+        generator: format!("ngf-grasp {}", env!("CARGO_PKG_VERSION")),
+        provenance: provenance(config, objects),
+        files,
+        hash: String::new(),
+    };
+    Ok(Manifest { hash: hash(&manifest)?, ..manifest })
 }
 
-impl Manifest {
-    /// Builds the manifest of a folder.
-    pub(crate) fn build(dir: &Path, config: &DatasetConfig, objects: &Objects) -> Result<Self> {
-        let mut files = Vec::new();
-        for path in list_files(dir)?.into_iter().filter(|path| is_hashed(path)) {
-            files.push(hash_file(dir, &path)?);
-        }
-        let mut manifest = Self {
-            generator: format!("ngf-grasp {}", env!("CARGO_PKG_VERSION")),
-            provenance: Provenance::of(config, objects),
-            files,
-            hash: String::new(),
-        };
-        manifest.hash = blake3::hash(&serde_json::to_vec(&manifest)?).to_hex().to_string();
-        Ok(manifest)
-    }
+/// BLAKE3 of a manifest without its hash, hex.
+fn hash(manifest: &Manifest) -> Result<String> {
+    let unhashed = Manifest { hash: String::new(), ..manifest.clone() };
+    Ok(blake3::hash(&serde_json::to_vec(&unhashed)?).to_hex().to_string())
+}
 
-    /// Reads the manifest of a complete dataset.
-    pub fn read(dir: &Path) -> Result<Self> {
-        let path = dir.join(MANIFEST_FILE);
-        let bytes = std::fs::read(&path).with_context(|| {
-            let hint = "complete it with --resume";
-            format!(
-                "{} does not exist, so {} is not a complete dataset; {hint}",
-                path.display(),
-                dir.display()
-            )
-        })?;
-        serde_json::from_slice(&bytes).with_context(|| format!("{} is damaged", path.display()))
-    }
+/// Writes a manifest to its dataset.
+pub(crate) fn write(manifest: &Manifest, dir: &Path) -> Result<()> {
+    atomic_file::write(&dir.join(MANIFEST_FILE), &serde_json::to_vec_pretty(manifest)?)
+}
 
-    pub(crate) fn write(&self, dir: &Path) -> Result<()> {
-        atomic_file::write(&dir.join(MANIFEST_FILE), &serde_json::to_vec_pretty(self)?)
-    }
-
-    /// Total size of all files in bytes.
-    pub fn total_bytes(&self) -> u64 {
-        self.files.iter().map(|file| file.bytes).sum()
-    }
-
-    /// Hashes every file again and checks that no file is missing, changed or foreign.
-    pub(crate) fn verify_files(&self, dir: &Path, progress: &dyn Fn(usize, usize)) -> Result<()> {
-        for (i, wanted) in self.files.iter().enumerate() {
-            progress(i, self.files.len());
-            let path = PathBuf::from(&wanted.path);
-            ensure!(dir.join(&path).exists(), "{} is missing", wanted.path);
-            let found = hash_file(dir, &path)?;
-            ensure!(
-                found == *wanted,
-                "{} has changed: it has hash {} instead of {}",
-                wanted.path,
-                found.blake3,
-                wanted.blake3
-            );
-        }
-        let known = |path: &Path| self.files.iter().any(|file| Path::new(&file.path) == path);
-        for path in list_files(dir)?.into_iter().filter(|path| is_hashed(path)) {
-            ensure!(known(&path), "{} does not belong to the dataset", path.display());
-        }
-        let again = Self { hash: String::new(), ..self.clone() };
-        let hash = blake3::hash(&serde_json::to_vec(&again)?).to_hex().to_string();
+/// Hashes every file again and checks that no file is missing, changed or foreign.
+pub(crate) fn verify_files(
+    manifest: &Manifest,
+    dir: &Path,
+    progress: &dyn Fn(usize, usize),
+) -> Result<()> {
+    for (i, wanted) in manifest.files.iter().enumerate() {
+        progress(i, manifest.files.len());
+        let path = PathBuf::from(&wanted.path);
+        ensure!(dir.join(&path).exists(), "{} is missing", wanted.path);
+        let found = hash_file(dir, &path)?;
         ensure!(
-            hash == self.hash,
-            "{MANIFEST_FILE} has changed: it has hash {hash} instead of {}",
-            self.hash
+            found == *wanted,
+            "{} has changed: it has hash {} instead of {}",
+            wanted.path,
+            found.blake3,
+            wanted.blake3
         );
-        Ok(())
     }
+    let known = |path: &Path| manifest.files.iter().any(|file| Path::new(&file.path) == path);
+    for path in list_files(dir)?.into_iter().filter(|path| is_hashed(path)) {
+        ensure!(known(&path), "{} does not belong to the dataset", path.display());
+    }
+    let hash = hash(manifest)?;
+    ensure!(
+        hash == manifest.hash,
+        "{MANIFEST_FILE} has changed: it has hash {hash} instead of {}",
+        manifest.hash
+    );
+    Ok(())
 }
 
 /// Names that a dataset folder may contain.
 const KNOWN_ENTRIES: [&str; 11] = [
-    "config.json",
+    CONFIG_FILE,
     MANIFEST_FILE,
     "log.jsonl",
-    "summary.json",
+    SUMMARY_FILE,
     "report.html",
     "attempts.parquet",
     "poses.parquet",
@@ -200,8 +167,8 @@ mod tests {
         atomic_file::write(&folder.path().join("meta/info.json"), b"{}").unwrap();
         atomic_file::write(&folder.path().join("log.jsonl"), b"one\n").unwrap();
         let config = DatasetConfig::preset("smoke", 0).unwrap();
-        let manifest = Manifest::build(folder.path(), &config, &Objects::new()).unwrap();
-        manifest.write(folder.path()).unwrap();
+        let manifest = build(folder.path(), &config, &Objects::new()).unwrap();
+        write(&manifest, folder.path()).unwrap();
         (folder, manifest)
     }
 
@@ -209,7 +176,7 @@ mod tests {
     fn verify_names_file_when_changed_missing_or_foreign() {
         let (folder, manifest) = folder();
         let dir = folder.path();
-        let verify = || manifest.verify_files(dir, &|_, _| ()).map_err(|error| error.to_string());
+        let verify = || verify_files(&manifest, dir, &|_, _| ()).map_err(|error| error.to_string());
         assert_eq!(Manifest::read(dir).unwrap(), manifest);
         verify().unwrap();
         std::fs::write(dir.join("log.jsonl"), b"two\n").unwrap();

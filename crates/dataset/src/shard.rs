@@ -1,6 +1,7 @@
 //! Shard: all data of one object pose, stored in one file until the dataset is assembled.
 
 use anyhow::{Result, ensure};
+use dataset_manifest::KEPT;
 use files::tensors::{self, read_f32};
 use grasps::demonstration::{Demonstration, GoalError, PlanFailure};
 use grasps::trial::TrialOutcome;
@@ -37,7 +38,7 @@ pub enum DemoOutcome {
 impl DemoOutcome {
     /// All outcomes with their names in files, ordered by code.
     pub const ALL: [(Self, &'static str); 8] = [
-        (Self::Kept, "kept"),
+        (Self::Kept, KEPT),
         (Self::NotConverged, "not_converged"),
         (Self::TooShort, "too_short"),
         (Self::Collision, "collision"),

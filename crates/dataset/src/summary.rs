@@ -1,123 +1,64 @@
-//! Counts and statistics of a dataset, by object.
+//! Statistics of the shards of an object.
 
-use crate::config::DatasetConfig;
 use crate::shard::{DemoOutcome, DemoTrial, PoseShard};
+use configs::DatasetConfig;
+use dataset_manifest::Summary;
 use std::collections::BTreeMap;
 
-/// Counts of one object. Ratios are stored as pairs `[count, total]`.
-#[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
-pub struct Summary {
-    /// Number of poses of the object.
-    pub poses: usize,
-    /// Poses without a trial, because no grasp is reachable or the object has no grasps.
-    pub unreachable: usize,
-    /// Poses with at least a quarter of the requested demonstrations.
-    pub well_covered: usize,
-    /// Minimum fraction of well-covered poses over eight sectors of yaw.
-    pub min_yaw_coverage: f32,
-    /// Minimum fraction of well-covered poses over the quarters of the workspace.
-    pub min_area_coverage: f32,
-    /// Number of poses covered by each grasp index.
-    pub grasps: BTreeMap<usize, usize>,
-    /// Number of trials by outcome.
-    pub outcomes: BTreeMap<String, usize>,
-    /// Replays on the full robot before any filter: `[lifted, replayed]`.
-    pub lifted_full_robot: [usize; 2],
-    /// Confusion matrix of the floating-hand replay (row) and the full-robot replay (column), each `[failed,
-    /// lifted]`.
-    pub hand_vs_full: [[usize; 2]; 2],
-    /// The same matrix, with the full robot holding the object for 2 s while shaken.
-    pub shaken_vs_full: [[usize; 2]; 2],
-    /// Perturbed full-robot replays of kept demonstrations: `[lifted, replayed]`.
-    pub lifted_perturbed: [usize; 2],
-    /// Duration (s) of the kept demonstrations: `[median, p90]`.
-    pub duration: [f32; 2],
-    /// RMS jerk (rad/s³) of the kept demonstrations before contact: `[median, p90]`.
-    pub jerk: [f32; 2],
-    /// Clearance (m) of the robot from object and table up to contact, where the fingers approach the object:
-    /// `[minimum, median]`.
-    pub clearance: [f32; 2],
-    /// Slip (m) of the object in the hand: `[median, p90]`.
-    pub slip: [f32; 2],
-    /// Maximum number of planner restarts of a kept demonstration.
-    pub max_restarts: usize,
-    /// Reachable pre-grasp targets: `[reached by the planner, all]`.
-    pub goals_reached: [usize; 2],
-    /// Maximum joint difference (rad) between the postures of one grasp at neighboring poses.
-    pub max_joint_jump: f32,
-}
-
-impl Summary {
-    /// Counts the shards of one object.
-    pub fn of(shards: &[PoseShard], config: &DatasetConfig) -> Self {
-        let min_kept = config.trajectories.div_ceil(4);
-        let is_covered = |shard: &PoseShard| shard.kept().count() >= min_kept;
-        let trials = || shards.iter().flat_map(|shard| &shard.trials);
-        let kept = || shards.iter().flat_map(PoseShard::kept);
-        let mut outcomes = BTreeMap::new();
-        for trial in trials() {
-            *outcomes.entry(trial.outcome.name().to_owned()).or_insert(0) += 1;
-        }
-        let mut grasps = BTreeMap::new();
-        for grasp in shards.iter().filter_map(|shard| shard.kept().next()).map(|kept| kept.grasp) {
-            *grasps.entry(grasp).or_insert(0) += 1;
-        }
-        let lifted_of = |outcomes: Vec<DemoOutcome>| {
-            [
-                outcomes.iter().filter(|outcome| **outcome == DemoOutcome::Kept).count(),
-                outcomes.len(),
-            ]
-        };
-        let [center_x, center_y] = [0, 1].map(|axis| {
-            let mut values: Vec<f32> = shards.iter().map(|shard| shard.pose[axis]).collect();
-            quantile(&mut values, 0.5)
-        });
-        let sector = |shard: &PoseShard| {
-            let eighth = std::f32::consts::FRAC_PI_4;
-            shard.pose[2].div_euclid(eighth).rem_euclid(8.0) as usize
-        };
-        let quarter = |shard: &PoseShard| {
-            usize::from(shard.pose[0] > center_x) + 2 * usize::from(shard.pose[1] > center_y)
-        };
-        let quantiles = |of: &dyn Fn(&DemoTrial) -> f32, levels: [f32; 2]| {
-            let mut values: Vec<f32> = kept().map(of).collect();
-            levels.map(|level| quantile(&mut values, level))
-        };
-        Self {
-            poses: shards.len(),
-            unreachable: shards.iter().filter(|shard| shard.trials.is_empty()).count(),
-            well_covered: shards.iter().filter(|shard| is_covered(shard)).count(),
-            min_yaw_coverage: min_fraction(shards, sector, is_covered),
-            min_area_coverage: min_fraction(shards, quarter, is_covered),
-            grasps,
-            outcomes,
-            lifted_full_robot: lifted_of(trials().filter_map(|trial| trial.full_robot).collect()),
-            hand_vs_full: confusion_matrix(
-                trials().filter_map(|a| Some([a.outcome, a.full_robot?])),
-            ),
-            shaken_vs_full: confusion_matrix(trials().filter_map(|a| Some([a.outcome, a.shaken?]))),
-            lifted_perturbed: lifted_of(trials().filter_map(|trial| trial.perturbed).collect()),
-            duration: quantiles(&|a| a.num_frames as f32 / 30.0, [0.5, 0.9]),
-            jerk: quantiles(&|a| a.jerk, [0.5, 0.9]),
-            clearance: quantiles(&|a| a.clearance, [0.0, 0.5]),
-            slip: quantiles(&|a| a.slip, [0.5, 0.9]),
-            goals_reached: {
-                let targets = || trials().filter(|trial| trial.is_reachable);
-                [targets().filter(|target| target.reached_goal()).count(), targets().count()]
-            },
-            max_restarts: kept().map(|trial| trial.restarts).max().unwrap_or(0),
-            max_joint_jump: shards.iter().map(|shard| shard.max_joint_jump).fold(0.0, f32::max),
-        }
+/// Counts the shards of one object.
+pub(crate) fn summarize(shards: &[PoseShard], config: &DatasetConfig) -> Summary {
+    let min_kept = config.trajectories.div_ceil(4);
+    let is_covered = |shard: &PoseShard| shard.kept().count() >= min_kept;
+    let trials = || shards.iter().flat_map(|shard| &shard.trials);
+    let kept = || shards.iter().flat_map(PoseShard::kept);
+    let mut outcomes = BTreeMap::new();
+    for trial in trials() {
+        *outcomes.entry(trial.outcome.name().to_owned()).or_insert(0) += 1;
     }
-
-    /// Number of trials.
-    pub fn trials(&self) -> usize {
-        self.outcomes.values().sum()
+    let mut grasps = BTreeMap::new();
+    for grasp in shards.iter().filter_map(|shard| shard.kept().next()).map(|kept| kept.grasp) {
+        *grasps.entry(grasp).or_insert(0) += 1;
     }
-
-    /// Number of kept demonstrations.
-    pub fn kept(&self) -> usize {
-        self.outcomes.get(DemoOutcome::Kept.name()).copied().unwrap_or(0)
+    let lifted_of = |outcomes: Vec<DemoOutcome>| {
+        [outcomes.iter().filter(|outcome| **outcome == DemoOutcome::Kept).count(), outcomes.len()]
+    };
+    let [center_x, center_y] = [0, 1].map(|axis| {
+        let mut values: Vec<f32> = shards.iter().map(|shard| shard.pose[axis]).collect();
+        quantile(&mut values, 0.5)
+    });
+    let sector = |shard: &PoseShard| {
+        let eighth = std::f32::consts::FRAC_PI_4;
+        shard.pose[2].div_euclid(eighth).rem_euclid(8.0) as usize
+    };
+    let quarter = |shard: &PoseShard| {
+        usize::from(shard.pose[0] > center_x) + 2 * usize::from(shard.pose[1] > center_y)
+    };
+    let quantiles = |of: &dyn Fn(&DemoTrial) -> f32, levels: [f32; 2]| {
+        let mut values: Vec<f32> = kept().map(of).collect();
+        levels.map(|level| quantile(&mut values, level))
+    };
+    Summary {
+        poses: shards.len(),
+        unreachable: shards.iter().filter(|shard| shard.trials.is_empty()).count(),
+        well_covered: shards.iter().filter(|shard| is_covered(shard)).count(),
+        min_yaw_coverage: min_fraction(shards, sector, is_covered),
+        min_area_coverage: min_fraction(shards, quarter, is_covered),
+        grasps,
+        outcomes,
+        lifted_full_robot: lifted_of(trials().filter_map(|trial| trial.full_robot).collect()),
+        hand_vs_full: confusion_matrix(trials().filter_map(|a| Some([a.outcome, a.full_robot?]))),
+        shaken_vs_full: confusion_matrix(trials().filter_map(|a| Some([a.outcome, a.shaken?]))),
+        lifted_perturbed: lifted_of(trials().filter_map(|trial| trial.perturbed).collect()),
+        duration: quantiles(&|a| a.num_frames as f32 / 30.0, [0.5, 0.9]),
+        jerk: quantiles(&|a| a.jerk, [0.5, 0.9]),
+        clearance: quantiles(&|a| a.clearance, [0.0, 0.5]),
+        slip: quantiles(&|a| a.slip, [0.5, 0.9]),
+        goals_reached: {
+            let targets = || trials().filter(|trial| trial.is_reachable);
+            [targets().filter(|target| target.reached_goal()).count(), targets().count()]
+        },
+        max_restarts: kept().map(|trial| trial.restarts).max().unwrap_or(0),
+        max_joint_jump: shards.iter().map(|shard| shard.max_joint_jump).fold(0.0, f32::max),
     }
 }
 
@@ -196,7 +137,7 @@ mod tests {
             shard([0.7, 0.1, 0.2], vec![]),
             shard([0.6, 0.2, 3.0], vec![trial(DemoOutcome::Kept, None)]),
         ];
-        let summary = Summary::of(&shards, &config);
+        let summary = summarize(&shards, &config);
         assert_eq!((summary.poses, summary.unreachable, summary.well_covered), (3, 1, 2));
         assert_eq!((summary.trials(), summary.kept()), (4, 2));
         assert_eq!(summary.lifted_full_robot, [2, 2]);
@@ -210,6 +151,6 @@ mod tests {
     #[test]
     fn summary_is_zero_when_no_shards_exist() {
         let config = DatasetConfig::preset("smoke", 0).unwrap();
-        assert_eq!(Summary::of(&[], &config).kept(), 0);
+        assert_eq!(summarize(&[], &config).kept(), 0);
     }
 }

@@ -2,10 +2,11 @@
 
 use crate::dataset::Dataset;
 use crate::lerobot::{ACTION_DIM, data_file_path};
-use crate::manifest::Manifest;
+use crate::manifest;
 use crate::parquet_io;
 use crate::shard::STATE_DIM;
 use anyhow::{Context, Result, ensure};
+use dataset_manifest::Manifest;
 use robot::DOF;
 use scene::config::CONTROL_DT;
 
@@ -16,7 +17,7 @@ impl Dataset {
     /// Checks hashes and rows; returns the number of rows. `progress` receives the number of finished files
     /// and the total.
     pub fn verify(&self, progress: &dyn Fn(usize, usize)) -> Result<usize> {
-        Manifest::read(&self.dir)?.verify_files(&self.dir, progress)?;
+        manifest::verify_files(&Manifest::read(&self.dir)?, &self.dir, progress)?;
         let files = self.file_index(self.config.objects.len(), 0);
         let mut rows = 0;
         for file in 0..files {

@@ -2,9 +2,8 @@
 //! contains the expert, the fingertip loss and the rollout; they are excluded here and in the PyTorch
 //! baseline.
 
-use crate::autoencoder::{self, AutoencoderConfig, Example};
+use crate::autoencoder::{self, Example};
 use crate::backward::{self, Batch, Loss};
-use crate::dagger::DaggerConfig;
 use crate::data_parallel::differentiate;
 use crate::nn::adam::AdamW;
 use crate::nn::network::{self, Network, NetworkOutput};
@@ -13,6 +12,7 @@ use crate::nn::{Params, autoencoder as net};
 use crate::shape_moments::NUM_MOMENTS;
 use anyhow::{Context, Result};
 use candle_core::{Device, Tensor};
+use configs::{AutoencoderConfig, DaggerConfig};
 use evaluation::percentiles::median;
 use policy::PolicyConfig;
 use policy::encoder::{CLOUD_POINTS, LATENT_DIM};

@@ -4,7 +4,7 @@
 use crate::backward::{self, Batch, Loss, StepResult};
 use crate::callback::{LossAverager, TrainingCallback, TrainingStatus};
 use crate::demo_group::DemoGroup;
-use crate::expert::{self, Gains};
+use crate::expert;
 use crate::loss::joint_and_fingertip_error;
 use crate::nn::Params;
 use crate::nn::adam::{AdamW, cosine_schedule};
@@ -12,7 +12,7 @@ use crate::nn::network::{self, Network, NetworkOutput};
 use crate::nn::ngf::TrainableSet;
 use crate::rollout_buffer::{self, RolloutState, StateSampler, is_on_track};
 use anyhow::{Result, bail};
-use policy::PolicyConfig;
+use configs::DaggerConfig;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use robot::{JointState, JointVector, KinematicTree, integrator};
@@ -20,129 +20,14 @@ use scene::config::CONTROL_DT;
 use std::ops::Range;
 use std::path::Path;
 
-/// Hyperparameters of policy training. The scheme is the paper's; the values are ours.
-#[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
-pub struct DaggerConfig {
-    /// Number of optimiser steps.
-    pub steps: u64,
-    /// Fraction of the steps, from the first, that train only F_ψ of a fabric. Such a step needs a third of
-    /// the matrix products, and the target position is most of what the policy has to learn. The other
-    /// networks keep their initial weights during this phase.
-    pub potential_only_fraction: f64,
-    /// Batch size: states per step.
-    pub batch: usize,
-    /// Number of rollout batches; step k uses batch k modulo this number. With few batches, the states of a
-    /// step would be those of a few steps before, 33 ms later, and the weights would overfit to the few
-    /// groups in them.
-    pub num_buffers: usize,
-    /// Number of threads.
-    pub threads: usize,
-    /// Peak learning rate.
-    pub learning_rate: f32,
-    /// Warm-up steps of the learning rate, limited to a tenth of all steps.
-    pub warmup: u64,
-    /// Decoupled weight decay, relative to the learning rate.
-    pub weight_decay: f32,
-    /// Max. gradient norm. Gradients are always larger (100 to 5,000), so all steps have the same weight,
-    /// independent of the error of their batch.
-    pub grad_clip_norm: f32,
-    /// Horizon H: policy steps of a rollout before its state is resampled, ± 25 %. 1 is behaviour cloning of
-    /// noisy states.
-    pub horizon: usize,
-    /// Fractions of the steps at which the horizon starts to grow from one step and reaches its full length.
-    /// Rollouts of an untrained policy only reach states that are useless for training.
-    pub horizon_ramp: [f64; 2],
-    /// Bounds of the uniform noise on sampled states: arm position (rad), hand position (rad), velocity
-    /// (rad/s).
-    pub noise: [f64; 3],
-    /// Weight (rad/m) of the fingertip term in the loss.
-    pub fingertip_weight: f64,
-    /// Weight of the mean square of the metric networks' outputs, the entries of U.
-    ///
-    /// *Departure: Eq. 2 alone does not fix the unit of mass: metrics, potential and damping can grow
-    /// together without a change in acceleration. Without this term they grew by a factor of 10⁶ in 6,000
-    /// steps and training failed.*
-    pub metric_weight: f64,
-    /// Fraction of sampled states, at full horizon, that are initial states of attempts: the start
-    /// configuration of one of the nearest other object poses, at rest (paper §III-F).
-    pub start_fraction: f64,
-    /// PD gains of the expert.
-    pub gains: Gains,
-    /// Min. lookahead distance (rad, weighted) of the expert. Multiplied by k_p / k_d, it is the expert's
-    /// min. speed.
-    pub lookahead: f64,
-    /// Steps between checkpoints. The rollouts continue from the stored states, so a resumed run takes the
-    /// same steps as an uninterrupted one.
-    pub checkpoint_every: u64,
-    /// Architecture and observation of the policy.
-    pub policy: PolicyConfig,
-    /// Seed of initial weights, sampled states and noise.
-    pub seed: u64,
+/// Learning rate of a step.
+fn learning_rate_at(config: &DaggerConfig, step: u64) -> f32 {
+    cosine_schedule(step, config.warmup.min(config.steps / 10), config.steps, config.learning_rate)
 }
 
-impl DaggerConfig {
-    /// Full-size training.
-    pub fn standard(policy: PolicyConfig) -> Self {
-        Self {
-            steps: 72_000,
-            potential_only_fraction: 0.95,
-            batch: 128,
-            num_buffers: 64,
-            threads: 2,
-            learning_rate: 5e-4,
-            warmup: 500,
-            weight_decay: 1e-4,
-            grad_clip_norm: 10.0,
-            horizon: 90,
-            horizon_ramp: [0.3, 0.6],
-            noise: [0.12, 0.1, 0.3],
-            fingertip_weight: 3.0,
-            metric_weight: 10.0,
-            start_fraction: 0.25,
-            gains: Gains { position: 225.0, velocity: 30.0 },
-            lookahead: 0.2,
-            checkpoint_every: 5000,
-            policy,
-            seed: 0,
-        }
-    }
-
-    /// Training length that suits the dataset preset of the same name ([`dataset::config::PRESETS`]).
-    pub fn preset(name: &str, policy: PolicyConfig) -> Option<Self> {
-        let standard = Self::standard(policy);
-        Some(match name {
-            "smoke" => Self { steps: 200, batch: 32, ..standard },
-            "small" => Self { steps: 12_000, ..standard },
-            "variants" | "families" => Self { steps: 160_000, ..standard },
-            "paper" => standard,
-            _ => return None,
-        })
-    }
-
-    /// Learning rate of a step.
-    fn learning_rate_at(&self, step: u64) -> f32 {
-        cosine_schedule(step, self.warmup.min(self.steps / 10), self.steps, self.learning_rate)
-    }
-
-    /// Random generator for sampled states after the checkpoint at `step`.
-    fn rng_at(&self, step: u64) -> ChaCha8Rng {
-        ChaCha8Rng::seed_from_u64(self.seed ^ (step + 1) << 20)
-    }
-
-    /// Horizon of rollouts from start configurations: a third longer.
-    pub(crate) fn start_horizon(&self) -> usize {
-        self.horizon + self.horizon / 3
-    }
-
-    /// Fraction of the full horizon after `step` steps.
-    pub(crate) fn horizon_fraction(&self, step: u64) -> f64 {
-        let [start, end] = self.horizon_ramp.map(|fraction| fraction * self.steps as f64);
-        if step as f64 >= end {
-            1.0
-        } else {
-            ((step as f64 - start) / (end - start)).clamp(0.0, 1.0)
-        }
-    }
+/// Random generator for sampled states after the checkpoint at `step`.
+fn rng_at(config: &DaggerConfig, step: u64) -> ChaCha8Rng {
+    ChaCha8Rng::seed_from_u64(config.seed ^ (step + 1) << 20)
 }
 
 /// Trains a policy from random weights or from `init_weights`; resumes from a checkpoint in `out`. Returns
@@ -183,7 +68,7 @@ pub fn train(
         buffers = rollout_buffer::encode_states(&sampler.staggered_batches(config, &mut rng));
     }
     let mut batches = rollout_buffer::decode_states(&buffers, config.batch, groups)?;
-    let mut rng = config.rng_at(adam.steps);
+    let mut rng = rng_at(config, adam.steps);
     if adam.steps > 0 {
         watcher.on_resume(adam.steps, config.steps, &params)?;
     }
@@ -194,7 +79,7 @@ pub fn train(
         let is_early = (adam.steps as f64) < config.potential_only_fraction * config.steps as f64;
         let active = if is_early { TrainableSet::Potential } else { TrainableSet::All };
         let result = learner.differentiate(&params, active, rollouts)?;
-        let rate = config.learning_rate_at(adam.steps);
+        let rate = learning_rate_at(config, adam.steps);
         let norm =
             adam.step(&params, &result.gradients, rate, config.grad_clip_norm, config.threads)?;
         if !norm.is_finite() {
@@ -214,7 +99,7 @@ pub fn train(
             crate::checkpoint::save(&checkpoint, &params, &adam, &buffers, &settings)?;
             // Continue from the stored single-precision states, as a resumed run does.
             batches = rollout_buffer::decode_states(&buffers, config.batch, groups)?;
-            rng = config.rng_at(step);
+            rng = rng_at(config, step);
         }
         let now = TrainingStatus { step, steps, loss, gradient_norm: norm, params: &params };
         if !reporter.record(watcher, now)? {

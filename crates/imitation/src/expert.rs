@@ -1,24 +1,8 @@
 //! Surrogate expert: a PD controller along the nearest demonstration (Eq. 1, paper §II-B).
 
 use crate::nearest_neighbor::ConfigurationIndex;
+use configs::Gains;
 use robot::{DOF, HandModel, JointState, JointVector};
-
-/// PD gains of the expert.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-pub struct Gains {
-    /// k_p (1/s²).
-    pub position: f64,
-    /// k_d (1/s). Stable at 30 Hz if ½ k_p dt < k_d < 2 / dt = 60.
-    pub velocity: f64,
-}
-
-impl Gains {
-    /// Steady-state lag behind the target, in rows: k_d / k_p seconds, because Eq. 1 has no velocity
-    /// feed-forward.
-    pub fn lag_rows(&self, dt: f64) -> usize {
-        (self.velocity / self.position / dt).round() as usize
-    }
-}
 
 /// π_e(q*_{t+1}, q, q̇) = k_p (q*_{t+1} - q) - k_d q̇ (Eq. 1), rad/s².
 pub fn acceleration(gains: &Gains, target: &JointVector, state: &JointState) -> JointVector {

@@ -1,10 +1,10 @@
 //! Model export: weights, start configurations and configuration.
 
-use crate::dagger::DaggerConfig;
 use crate::demo_group::DemoGroup;
 use crate::encoder::TrainedEncoder;
 use crate::nn::Params;
 use anyhow::Result;
+use configs::DaggerConfig;
 use files::atomic_file;
 use policy::model::{MODEL_VERSION, ModelConfig};
 use policy::start_model::OBJECTS_KEY;

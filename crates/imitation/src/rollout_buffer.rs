@@ -1,9 +1,9 @@
 //! Rollout states for DAgger. A state is sampled near a demonstration or at a start configuration, rolled out
 //! by the current policy, and resampled when its horizon ends.
 
-use crate::dagger::DaggerConfig;
 use crate::demo_group::DemoGroup;
 use anyhow::{Result, ensure};
+use configs::DaggerConfig;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use robot::{ARM_DOF, DOF, JointLimits, JointState, JointVector};

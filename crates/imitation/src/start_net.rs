@@ -12,6 +12,7 @@ use crate::split::is_held_out;
 use crate::supervised::{self, SupervisedTrainer};
 use anyhow::{Result, bail};
 use candle_core::{Device, Tensor};
+use configs::StartConfig;
 use dataset::Dataset;
 use dataset::poses::rotate_pose;
 use evaluation::percentiles::median;
@@ -26,40 +27,6 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use robot::{DOF, Isometry, JointVector, KinematicTree};
 use std::path::Path;
-
-/// Hyperparameters of start network training.
-#[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
-pub struct StartConfig {
-    /// Number of optimiser steps.
-    pub steps: u64,
-    /// Batch size: examples per step.
-    pub batch: usize,
-    /// Number of threads.
-    pub threads: usize,
-    /// Peak learning rate.
-    pub learning_rate: f32,
-    /// Weight (rad/m) of the fingertip term in the loss.
-    pub fingertip_weight: f64,
-    /// Steps between checkpoints.
-    pub checkpoint_every: u64,
-    /// Seed of initial weights and batches.
-    pub seed: u64,
-}
-
-impl StartConfig {
-    /// Full-size training: a few minutes on two cores.
-    pub fn standard() -> Self {
-        Self {
-            steps: 20_000,
-            batch: 128,
-            threads: 2,
-            learning_rate: 1e-3,
-            fingertip_weight: 3.0,
-            checkpoint_every: 1000,
-            seed: 0,
-        }
-    }
-}
 
 /// A training example: the inputs of an attempt, and the start configuration that the lookup returns.
 #[derive(Clone, Debug)]

@@ -1,26 +1,13 @@
-//! Command-line interface of ngf-grasp.
+//! `ngf`: serves the page and the job API, and passes every other command to the worker executable.
+//!
+//! Links no physics, training or Parquet.
 
-mod bench;
-mod card;
-mod compare;
-mod datagen;
-mod dataset;
-mod evaluate;
-mod grasps;
-mod job_client;
-mod mesh;
-mod object_selection;
-mod progress_bar;
-mod record;
-mod replay;
-mod result_cache;
 mod serve;
-mod share_link;
-mod train;
-mod training_env;
-mod validate;
+mod worker;
 
 use clap::{Parser, Subcommand};
+use std::ffi::OsString;
+use std::process::ExitCode;
 
 /// Grasping with Neural Geometric Fabrics
 #[derive(Parser)]
@@ -34,88 +21,32 @@ struct Cli {
 enum CliCommand {
     /// Serve the page, the models and the job API
     Serve(serve::Options),
-    /// List the built-in objects, or draw them on a contact sheet
-    Objects(object_selection::ListOptions),
-    /// Inspect mesh files
-    #[command(subcommand)]
-    Mesh(mesh::MeshCommand),
-    /// Search for grasps of an object in simulation
-    Grasps(grasps::Options),
-    /// Generate and inspect datasets of demonstrations and point clouds
-    #[command(subcommand)]
-    Dataset(dataset::DatasetCommand),
-    /// Train an encoder, a policy or a start network
-    #[command(subcommand)]
-    Train(train::Options),
-    /// Run grasp attempts and report success rates
-    Evaluate(evaluate::Options),
-    /// Roll out a policy on the poses of a dataset and print fingertip errors by object
-    Validate(validate::Options),
-    /// Compare policies and controls on the same attempts, as a table and a chart
-    Compare(compare::Options),
-    /// Benchmark the components of an attempt
-    Bench(bench::Options),
-    /// Replay a recording or a share link; print the outcome and the final state hash
-    Replay(replay::Options),
-    /// Record an attempt of the planner and check that its recording replays
-    Record(record::Options),
 }
 
-fn main() -> std::process::ExitCode {
-    let command = Cli::parse().command;
-    // A closed pipe, as with `head`, ends a command that prints. A server outlives its terminal, and a job
-    // outlives the server.
-    if !matches!(command, CliCommand::Serve(_)) && !job_client::is_job() {
-        sigpipe::reset();
-    }
-    // Re-execution must precede the first report, because the server tracks the process that reports.
-    let ready = if needs_training_env(&command) { training_env::reexec() } else { Ok(()) };
-    let result =
-        ready.and_then(|()| job_client::start()).and_then(|()| catch_panic(|| run(&command)));
-    job_client::finish(&result);
+fn main() -> ExitCode {
+    let args: Vec<OsString> = std::env::args_os().skip(1).collect();
+    let result = if is_own_command(&args) {
+        let CliCommand::Serve(options) = Cli::parse().command;
+        serve::run(&options)
+    } else {
+        worker::run(&args)
+    };
     match result {
-        Ok(()) => std::process::ExitCode::SUCCESS,
+        Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("error: {error:#}");
-            std::process::ExitCode::from(2)
+            ExitCode::from(2)
         }
     }
 }
 
-/// Converts a panic into an error. The server would treat a panicked worker as lost and restart it, and it
-/// would panic again.
-fn catch_panic(work: impl FnOnce() -> anyhow::Result<()>) -> anyhow::Result<()> {
-    let done = std::panic::catch_unwind(std::panic::AssertUnwindSafe(work));
-    done.unwrap_or_else(|payload| {
-        let text = payload.downcast_ref::<&str>().copied();
-        let text = text.or_else(|| payload.downcast_ref::<String>().map(String::as_str));
-        Err(anyhow::anyhow!("internal error (bug): {}", text.unwrap_or("no message")))
-    })
-}
-
-/// Whether a command needs the environment variables of training.
-fn needs_training_env(command: &CliCommand) -> bool {
-    matches!(
-        command,
-        CliCommand::Train(_) | CliCommand::Bench(bench::Options { training: true, .. })
-    )
-}
-
-fn run(command: &CliCommand) -> anyhow::Result<()> {
-    match command {
-        CliCommand::Serve(options) => serve::run(options),
-        CliCommand::Objects(options) => object_selection::run(options),
-        CliCommand::Mesh(command) => mesh::run(command),
-        CliCommand::Grasps(options) => grasps::run(options),
-        CliCommand::Dataset(command) => dataset::run(command),
-        CliCommand::Train(options) => train::run(options),
-        CliCommand::Evaluate(options) => evaluate::run(options),
-        CliCommand::Validate(options) => validate::run(options),
-        CliCommand::Compare(options) => compare::run(options),
-        CliCommand::Bench(options) => bench::run(options),
-        CliCommand::Replay(options) => replay::run(options),
-        CliCommand::Record(options) => record::run(options),
-    }
+/// Whether these arguments are a command of this executable: `serve` or `help serve`.
+fn is_own_command(args: &[OsString]) -> bool {
+    let command = match args {
+        [help, command, ..] if help == "help" => Some(command),
+        _ => args.first(),
+    };
+    command.is_some_and(|command| command == "serve")
 }
 
 #[cfg(test)]
@@ -123,10 +54,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn panic_becomes_error_with_its_message() {
-        let error = catch_panic(|| panic!("row {}", 7)).unwrap_err();
-        assert_eq!(error.to_string(), "internal error (bug): row 7");
-        assert!(catch_panic(|| panic!("last row")).unwrap_err().to_string().ends_with("last row"));
-        assert!(catch_panic(|| Ok(())).is_ok());
+    fn only_serve_is_a_command_of_this_executable() {
+        let is_own = |line: &str| {
+            is_own_command(&line.split_whitespace().map(OsString::from).collect::<Vec<_>>())
+        };
+        for line in ["serve", "serve --port 0", "help serve"] {
+            assert!(is_own(line), "{line}");
+        }
+        for line in ["", "--help", "help", "help evaluate", "evaluate serve"] {
+            assert!(!is_own(line), "{line}");
+        }
     }
 }

@@ -1,5 +1,6 @@
 //! `ngf serve`: binds the server to an address until it is stopped; with a data folder, it also runs jobs.
 
+use crate::worker;
 use anyhow::{Context, bail};
 use axum::http::HeaderValue;
 use server::scheduler::{JobScheduler, SchedulerConfig};
@@ -199,7 +200,7 @@ async fn open_scheduler(options: &Options) -> anyhow::Result<Option<Arc<JobSched
     let config = SchedulerConfig {
         data_dir: data.clone(),
         models_dir: options.models_dir.clone(),
-        program: std::env::current_exe().context("cannot locate this executable")?,
+        program: worker::executable()?,
         max_concurrent: options.max_jobs,
         min_free_bytes: options.min_free_gb.saturating_mul(BYTES_PER_GB),
     };

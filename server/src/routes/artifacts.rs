@@ -4,7 +4,7 @@ use super::http_content::{Content, IMMUTABLE};
 use super::{RequireScheduler, schemas};
 use crate::Problem;
 use crate::extract::Path;
-use crate::scheduler::JobScheduler;
+use crate::jobs::scheduler::JobScheduler;
 use axum::http::HeaderMap;
 use axum::response::Response;
 

@@ -4,13 +4,17 @@ use super::pagination::{DEFAULT_LIMIT, Page, parse_limit};
 use super::{RequireScheduler, schemas};
 use crate::Problem;
 use crate::extract::{Path, Query};
-use crate::scheduler::JobScheduler;
+use crate::jobs::CommandError;
+use crate::jobs::scheduler::JobScheduler;
 use crate::store::RecordKind;
 use axum::Json;
 use axum::http::StatusCode;
-use dataset::Dataset;
+use dataset_manifest::Provenance;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
+use std::ffi::OsStr;
+use std::io;
+use std::path::PathBuf;
 
 /// Lists the datasets.
 #[utoipa::path(
@@ -78,13 +82,38 @@ pub(crate) async fn episodes(
     let not_a_number = |_| Problem::invalid_parameter("after", "must be the index of an episode");
     let after = query.get("after").map(|text| text.parse::<u32>().map_err(not_a_number));
     let first = after.transpose()?.map_or(0, |last| last as usize + 1);
-    let object = query.get("object").cloned();
-    let read = move |dataset: Dataset| dataset.list_episodes(first, count + 1, object.as_deref());
-    let unreadable = |reason: String| Problem::file_unreadable(&std::io::Error::other(reason));
-    let mut entries = read_dataset(&scheduler, &id, read).await?.map_err(unreadable)?;
+    let object = query.get("object");
+    let (folder, provenance) = open_dataset(&scheduler, &id).await?;
+    let mut entries = match object {
+        Some(object) if !provenance.config.objects.contains(object) => Vec::new(),
+        _ => list_episodes(&scheduler, &folder, first, count + 1, object).await?,
+    };
     let has_more = entries.len() > count;
     entries.truncate(count);
     Ok(Json(json!({ "object": "list", "data": entries, "has_more": has_more })))
+}
+
+/// Lists up to `limit` episodes of a dataset from index `first` on, of one object or of all objects.
+async fn list_episodes(
+    scheduler: &JobScheduler,
+    folder: &std::path::Path,
+    first: usize,
+    limit: usize,
+    object: Option<&String>,
+) -> Result<Vec<Value>, Problem> {
+    let [first, limit] = [first, limit].map(|number| number.to_string());
+    let mut args = ["dataset", "episodes", "--json", "--first", &first, "--limit", &limit]
+        .map(OsStr::new)
+        .to_vec();
+    let object = object.map(|object| format!("--object={object}"));
+    args.extend(object.iter().map(OsStr::new));
+    args.push(folder.as_os_str());
+    let unreadable = |error: &io::Error| Problem::file_unreadable(error);
+    let output = scheduler.run_command(args).await.map_err(|error| match error {
+        CommandError::Failed(reason) => unreadable(&io::Error::other(reason)),
+        CommandError::Io(error) => unreadable(&error),
+    })?;
+    serde_json::from_slice(&output).map_err(|error| unreadable(&error.into()))
 }
 
 /// Returns a demonstration in the format that the page replays.
@@ -98,24 +127,33 @@ pub(crate) async fn episode(
     RequireScheduler(scheduler): RequireScheduler,
     Path((id, index)): Path<(String, usize)>,
 ) -> Result<Json<Value>, Problem> {
-    let demonstration =
-        read_dataset(&scheduler, &id, move |dataset| dataset.export_demonstration(index)).await?;
-    Ok(Json(demonstration.map_err(|reason| Problem::episode_not_found(&reason))?))
+    let (folder, _) = open_dataset(&scheduler, &id).await?;
+    let unreadable = |error: &io::Error| Problem::file_unreadable(error);
+    let temporary = tempfile::tempdir_in(scheduler.uploads_dir()).map_err(|e| unreadable(&e))?;
+    let (file, index) = (temporary.path().join("episode.json"), index.to_string());
+    let args = ["dataset", "export-episode", "--out"].map(OsStr::new);
+    let paths = [file.as_os_str(), folder.as_os_str(), OsStr::new(&index)];
+    let written = scheduler.run_command(args.into_iter().chain(paths)).await;
+    written.map_err(|error| match error {
+        CommandError::Failed(reason) => Problem::episode_not_found(&reason),
+        CommandError::Io(error) => unreadable(&error),
+    })?;
+    let bytes = tokio::fs::read(&file).await.map_err(|e| unreadable(&e))?;
+    Ok(Json(serde_json::from_slice(&bytes).map_err(|e| unreadable(&e.into()))?))
 }
 
-/// Opens a dataset and applies `read` to it on a blocking thread. The inner error is that of `read`.
-async fn read_dataset<T: Send + 'static, E: std::fmt::Display>(
+/// Folder and provenance of a dataset; rejects an incomplete one, and one of another format version.
+async fn open_dataset(
     scheduler: &JobScheduler,
     id: &str,
-    read: impl FnOnce(Dataset) -> Result<T, E> + Send + 'static,
-) -> Result<Result<T, String>, Problem> {
+) -> Result<(PathBuf, Provenance), Problem> {
     let record = find_dataset(scheduler, id).await?;
     let folder = scheduler.dataset_dir(record["hash"].as_str().unwrap_or_default());
-    let read = move || {
-        let dataset = Dataset::open(&folder).map_err(|error| error.to_string())?;
-        Ok::<_, String>(read(dataset).map_err(|error| error.to_string()))
+    let open = move || {
+        let provenance = dataset_manifest::open(&folder).map_err(|error| error.to_string())?;
+        Ok::<_, String>((folder, provenance))
     };
-    let result = tokio::task::spawn_blocking(read).await;
-    let result = result.map_err(|error| Problem::file_unreadable(&std::io::Error::other(error)))?;
-    result.map_err(|error| Problem::incompatible_dataset(&error))
+    let opened = tokio::task::spawn_blocking(open).await;
+    let opened = opened.map_err(|error| Problem::file_unreadable(&io::Error::other(error)))?;
+    opened.map_err(|error| Problem::incompatible_dataset(&error))
 }

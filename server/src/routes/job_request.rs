@@ -1,7 +1,7 @@
 //! Request bodies and query parameters of job endpoints, and their limits.
 
 use crate::Problem;
-use crate::job::{DatasetParams, EncoderParams, EvaluationParams, Kind, MeshParams, PolicyParams};
+use crate::jobs::kinds::{JobTask, Kind};
 use serde::Deserialize;
 use serde_json::{Map, Value};
 use std::collections::BTreeMap;
@@ -20,26 +20,6 @@ pub(super) struct CreateJobRequest {
     pub(super) metadata: Map<String, Value>,
     #[serde(default)]
     pub(super) priority: i64,
-}
-
-/// OpenAPI schema of job kind and parameters; the kind determines the parameters.
-#[derive(ToSchema)]
-#[serde(tag = "kind")]
-#[expect(dead_code, reason = "OpenAPI schema")]
-pub(super) enum JobTask {
-    #[serde(rename = "dataset.generate")]
-    Dataset {
-        #[serde(default)]
-        params: DatasetParams,
-    },
-    #[serde(rename = "encoder.train")]
-    Encoder { params: EncoderParams },
-    #[serde(rename = "policy.train")]
-    Policy { params: PolicyParams },
-    #[serde(rename = "policy.evaluate")]
-    Evaluation { params: EvaluationParams },
-    #[serde(rename = "mesh.prepare")]
-    Mesh { params: MeshParams },
 }
 
 /// OpenAPI schema of a creation request.

@@ -7,10 +7,10 @@ use super::job_request::{
     parse_json, query_bool,
 };
 use super::pagination::{CursorPage, DEFAULT_LIMIT, parse_limit};
-use crate::auth::bearer_token;
 use crate::extract::{FullBody, Path, Query};
-use crate::job::{Job, JobView, Kind, Params, Status};
-use crate::scheduler::{JobScheduler, ReportReply, WorkerReport};
+use crate::jobs::scheduler::JobScheduler;
+use crate::jobs::{Job, JobView, Kind, Params, Status};
+use crate::middleware::auth::bearer_token;
 use crate::store::{CreateOutcome, Filter, NewEvent};
 use crate::{AppState, Problem};
 use axum::Json;
@@ -20,6 +20,7 @@ use axum::response::{IntoResponse, Response};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::time::Duration;
+use worker_protocol::{ReportReply, WorkerReport};
 
 /// Creates a job.
 #[utoipa::path(
@@ -57,18 +58,9 @@ pub(crate) async fn create(
     let mut params = Params::resolve(request.kind, request.params).map_err(|invalid| {
         Problem::invalid_parameter(&format!("params.{}", invalid.param), invalid.detail)
     })?;
-    // Stores the resolved id, because the alias `default` can change.
-    match &mut params {
-        Params::Policy(params) => {
-            params.encoder_id = state.resolve_model_id(&params.encoder_id).to_owned()
-        }
-        Params::Evaluation(params) => {
-            params.model_id = state.resolve_model_id(&params.model_id).to_owned()
-        }
-        _ => {}
-    }
+    params.resolve_aliases(|id| state.resolve_model_id(id).to_owned());
     let inputs = scheduler.resolve_inputs(&params).await?;
-    let mut job = Job::new(request.kind, params, inputs);
+    let mut job = Job::new(params, inputs);
     (job.name, job.metadata, job.priority) = (request.name, request.metadata, request.priority);
     if is_dry_run {
         let estimate = scheduler.estimate(&job).await?;
@@ -132,9 +124,10 @@ pub(crate) async fn list(
             }
             "kind" => {
                 for value in values() {
-                    let names = Kind::ALL.map(Kind::name).join(", ");
-                    let unknown =
-                        || Problem::invalid_parameter("kind", format!("must be one of {names}"));
+                    let unknown = || {
+                        let names = Kind::names();
+                        Problem::invalid_parameter("kind", format!("must be one of {names}"))
+                    };
                     filter.kind.push(Kind::from_name(value).ok_or_else(unknown)?);
                 }
             }
@@ -248,7 +241,7 @@ pub(crate) async fn action(
             // The inputs may have been deleted.
             let inputs = scheduler.resolve_inputs(&original.params).await?;
             check_quotas(&state, &scheduler).await?;
-            let mut copy = Job::new(original.kind, original.params, inputs);
+            let mut copy = Job::new(original.params, inputs);
             (copy.name, copy.metadata) = (original.name, original.metadata);
             copy.priority = original.priority;
             scheduler.store.create(&copy, None).await?;

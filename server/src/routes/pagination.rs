@@ -1,7 +1,7 @@
 //! Cursor pagination of lists.
 
 use crate::Problem;
-use crate::scheduler::JobScheduler;
+use crate::jobs::scheduler::JobScheduler;
 use crate::store::RecordKind;
 use axum::Json;
 use serde_json::{Value, json};

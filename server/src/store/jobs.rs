@@ -2,7 +2,7 @@
 
 use super::events::{self, EventType, NewEvent};
 use super::{Store, StoreError};
-use crate::job::{Job, Kind, Status};
+use crate::jobs::{Job, Kind, Status};
 use chrono::Utc;
 use serde_json::{Value, json};
 use sqlx::{AssertSqlSafe, Row, Sqlite, Transaction};
@@ -56,7 +56,7 @@ async fn write_job(
          SET status = excluded.status, priority = excluded.priority, record = excluded.record",
     )
     .bind(&job.id)
-    .bind(job.kind.name())
+    .bind(job.kind().name())
     .bind(job.status.name())
     .bind(job.priority)
     .bind(serde_json::to_string(job)?)

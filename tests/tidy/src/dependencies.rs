@@ -9,9 +9,9 @@ use toml::{Table, Value};
 /// Workspace crates that each crate may depend on at run time.
 ///
 /// ARCHITECTURE.md describes the crates. `policy`, `rollout` and their dependencies run in the browser and
-/// must not depend on candle. `server` uses `dataset` and `imitation` to validate job parameters; jobs run
-/// in `ngf` processes.
-pub(crate) const ALLOWED_DEPENDENCIES: [(&str, &[&str]); 21] = [
+/// must not depend on candle. `server` links no physics, training or Parquet: jobs, and the commands that read
+/// a dataset, run in worker processes.
+pub(crate) const ALLOWED_DEPENDENCIES: [(&str, &[&str]); 25] = [
     ("mesh", &[]),
     ("geometry", &["mesh"]),
     ("objects", &["mesh", "geometry"]),
@@ -22,7 +22,23 @@ pub(crate) const ALLOWED_DEPENDENCIES: [(&str, &[&str]); 21] = [
     ("policy", &["geometry", "robot"]),
     ("rollout", &["mesh", "geometry", "objects", "robot", "scene", "grasps", "policy"]),
     ("files", &[]),
-    ("dataset", &["mesh", "geometry", "objects", "robot", "scene", "grasps", "files"]),
+    ("configs", &["objects", "policy"]),
+    ("dataset-manifest", &["configs"]),
+    ("worker-protocol", &[]),
+    (
+        "dataset",
+        &[
+            "mesh",
+            "geometry",
+            "objects",
+            "robot",
+            "scene",
+            "grasps",
+            "files",
+            "configs",
+            "dataset-manifest",
+        ],
+    ),
     ("evaluation", &["objects", "robot", "scene", "rollout", "files"]),
     (
         "imitation",
@@ -35,13 +51,14 @@ pub(crate) const ALLOWED_DEPENDENCIES: [(&str, &[&str]); 21] = [
             "policy",
             "rollout",
             "files",
+            "configs",
             "dataset",
             "evaluation",
         ],
     ),
-    ("server", &["mesh", "geometry", "objects", "policy", "dataset", "imitation"]),
+    ("server", &["mesh", "objects", "policy", "configs", "dataset-manifest", "worker-protocol"]),
     (
-        "ngf",
+        "ngf-worker",
         &[
             "mesh",
             "geometry",
@@ -52,12 +69,15 @@ pub(crate) const ALLOWED_DEPENDENCIES: [(&str, &[&str]); 21] = [
             "policy",
             "rollout",
             "files",
+            "configs",
+            "dataset-manifest",
             "dataset",
             "evaluation",
             "imitation",
-            "server",
+            "worker-protocol",
         ],
     ),
+    ("ngf", &["server"]),
     (
         "wasm",
         &[
@@ -79,12 +99,12 @@ const CONFINED_LIBRARIES: [(&str, &[&str]); 11] = [
     ("parry3d", &["geometry"]),
     ("candle-core", &["imitation"]),
     ("gemm", &["imitation"]),
-    ("rayon", &["dataset", "evaluation", "imitation", "ngf"]),
+    ("rayon", &["dataset", "evaluation", "imitation", "ngf-worker"]),
     ("parquet", &["dataset"]),
     ("arrow-array", &["dataset"]),
     ("sqlx", &["server"]),
     ("object_store", &["server"]),
-    ("tokio", &["server", "ngf", "fuzz"]),
+    ("tokio", &["server", "ngf", "ngf-worker", "fuzz"]),
     ("wasm-bindgen", &["wasm"]),
 ];
 

@@ -2,12 +2,11 @@
 
 use crate::dataset::Dataset;
 use crate::generate::Objects;
-use crate::manifest::Manifest;
 use crate::parquet_io;
 use crate::report::charts::{self, PosePoint};
 use crate::report::grasp_figure;
-use crate::summary::Summary;
 use anyhow::{Context, Result};
+use dataset_manifest::{Manifest, Summary};
 use files::svg::escape_xml;
 use geometry::Vec3;
 use grasps::RobotContext;

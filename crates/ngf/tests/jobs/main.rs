@@ -1,7 +1,10 @@
-//! End-to-end tests of jobs: a server, its workers, and kills of both.
+//! End-to-end tests of jobs: a server, its workers, and kills of both. `cargo test -p ngf -p ngf-worker` also
+//! builds the worker executable that they need.
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
 
+mod api_docs;
+mod datasets;
 mod openapi_conformance;
 mod server;
 mod stress;
@@ -291,6 +294,9 @@ fn job_outputs_can_be_inspected() {
     assert!(
         episode["states"].as_array().unwrap().iter().all(|row| row.as_array().unwrap().len() == 46)
     );
+    let hash = record["hash"].as_str().unwrap();
+    let dataset = folder.path().join("data/datasets").join(hash);
+    datasets::assert_unreadable_episodes_are_reported(&server, id, &dataset);
 
     let job = server.wait_for(&evaluated, "succeeded");
     let known = server.get("/models/default")["evaluations"][0].clone();

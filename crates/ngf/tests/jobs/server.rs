@@ -57,6 +57,14 @@ impl Server {
         body
     }
 
+    /// GET that is answered with this error status; returns the problem.
+    pub(crate) fn get_problem(&self, path: &str, status: u16) -> Value {
+        let agent = ureq::Agent::config_builder().http_status_as_error(false).build().new_agent();
+        let mut response = agent.get(format!("{}/api/v1{path}", self.url)).call().unwrap();
+        assert_eq!(response.status().as_u16(), status, "{path}");
+        response.body_mut().read_json().unwrap()
+    }
+
     pub(crate) fn post(&self, path: &str, request: &Value) -> Value {
         let path = format!("/api/v1{path}");
         let response = ureq::post(format!("{}{path}", self.url)).send_json(request);

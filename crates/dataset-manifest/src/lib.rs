@@ -1,0 +1,22 @@
+//! Descriptions of a dataset that readers need before its data: provenance, manifest and summary.
+//!
+//! In: the JSON files of a dataset folder. Does not read demonstrations or clouds, so it does not depend on
+//! Parquet.
+
+mod manifest;
+mod provenance;
+mod summary;
+
+pub use manifest::{FileEntry, MANIFEST_FILE, Manifest};
+pub use provenance::{CONFIG_FILE, Provenance};
+pub use summary::{KEPT, SUMMARY_FILE, Summary};
+
+use std::path::Path;
+
+/// Checks that a folder contains a complete dataset of the current format version, and returns its
+/// provenance.
+pub fn open(dir: &Path) -> anyhow::Result<Provenance> {
+    let provenance = Provenance::read(dir)?;
+    Manifest::read(dir)?;
+    Ok(provenance)
+}

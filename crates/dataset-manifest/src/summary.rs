@@ -1,0 +1,64 @@
+//! Counts and statistics of a dataset, by object.
+
+use std::collections::BTreeMap;
+
+/// File with the [`Summary`] of each object.
+pub const SUMMARY_FILE: &str = "summary.json";
+
+/// Outcome of the trials whose demonstrations the dataset contains.
+pub const KEPT: &str = "kept";
+
+/// Counts of one object. Ratios are stored as pairs `[count, total]`.
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Summary {
+    /// Number of poses of the object.
+    pub poses: usize,
+    /// Poses without a trial, because no grasp is reachable or the object has no grasps.
+    pub unreachable: usize,
+    /// Poses with at least a quarter of the requested demonstrations.
+    pub well_covered: usize,
+    /// Minimum fraction of well-covered poses over eight sectors of yaw.
+    pub min_yaw_coverage: f32,
+    /// Minimum fraction of well-covered poses over the quarters of the workspace.
+    pub min_area_coverage: f32,
+    /// Number of poses covered by each grasp index.
+    pub grasps: BTreeMap<usize, usize>,
+    /// Number of trials by outcome.
+    pub outcomes: BTreeMap<String, usize>,
+    /// Replays on the full robot before any filter: `[lifted, replayed]`.
+    pub lifted_full_robot: [usize; 2],
+    /// Confusion matrix of the floating-hand replay (row) and the full-robot replay (column), each `[failed,
+    /// lifted]`.
+    pub hand_vs_full: [[usize; 2]; 2],
+    /// The same matrix, with the full robot holding the object for 2 s while shaken.
+    pub shaken_vs_full: [[usize; 2]; 2],
+    /// Perturbed full-robot replays of kept demonstrations: `[lifted, replayed]`.
+    pub lifted_perturbed: [usize; 2],
+    /// Duration (s) of the kept demonstrations: `[median, p90]`.
+    pub duration: [f32; 2],
+    /// RMS jerk (rad/s³) of the kept demonstrations before contact: `[median, p90]`.
+    pub jerk: [f32; 2],
+    /// Clearance (m) of the robot from object and table up to contact, where the fingers approach the object:
+    /// `[minimum, median]`.
+    pub clearance: [f32; 2],
+    /// Slip (m) of the object in the hand: `[median, p90]`.
+    pub slip: [f32; 2],
+    /// Maximum number of planner restarts of a kept demonstration.
+    pub max_restarts: usize,
+    /// Reachable pre-grasp targets: `[reached by the planner, all]`.
+    pub goals_reached: [usize; 2],
+    /// Maximum joint difference (rad) between the postures of one grasp at neighboring poses.
+    pub max_joint_jump: f32,
+}
+
+impl Summary {
+    /// Number of trials.
+    pub fn trials(&self) -> usize {
+        self.outcomes.values().sum()
+    }
+
+    /// Number of kept demonstrations.
+    pub fn kept(&self) -> usize {
+        self.outcomes.get(KEPT).copied().unwrap_or(0)
+    }
+}

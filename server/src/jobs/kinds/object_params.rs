@@ -1,0 +1,82 @@
+//! Object of a job: parameters, validation and command line.
+
+use super::command_line::option_args;
+use super::validate::{Invalid, invalid};
+use objects::catalog::CATALOG;
+use objects::object::Object;
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+use utoipa::ToSchema;
+use utoipa::openapi::schema::{ObjectBuilder, Schema, SchemaType, Type};
+
+/// Object of a job: a built-in object, or an uploaded mesh with its mass or density.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+pub(crate) struct ObjectParams {
+    /// Built-in object.
+    #[serde(default)]
+    #[schema(schema_with = built_in_objects)]
+    pub(crate) object: Option<String>,
+    /// Uploaded mesh.
+    #[serde(default)]
+    pub(crate) mesh_id: Option<String>,
+    /// Mass of the mesh (kg).
+    #[serde(default)]
+    pub(crate) mass_kg: Option<f64>,
+    /// Density of the mesh (kg/m³), as an alternative to its mass.
+    #[serde(default)]
+    pub(crate) density_kg_m3: Option<f64>,
+}
+
+impl ObjectParams {
+    /// Accepts a built-in object, or a mesh with its mass or density; with `required` false, also no object.
+    pub(super) fn validate(&self, required: bool) -> Result<(), Invalid> {
+        let masses = [("mass_kg", self.mass_kg), ("density_kg_m3", self.density_kg_m3)];
+        for (param, value) in masses {
+            if value.is_some_and(|value| !(value.is_finite() && value > 0.0)) {
+                return Err(invalid(param, "must be a positive number"));
+            }
+            if value.is_some() && self.mesh_id.is_none() {
+                return Err(invalid(
+                    param,
+                    "only valid with mesh_id; built-in objects have a mass",
+                ));
+            }
+        }
+        match (&self.object, &self.mesh_id) {
+            (Some(_), Some(_)) => {
+                Err(invalid("mesh_id", "give either mesh_id or object, not both"))
+            }
+            (None, None) if required => {
+                Err(invalid("object", "give a built-in object, or mesh_id with mass_kg"))
+            }
+            (None, None) => Ok(()),
+            (Some(name), None) if Object::from_catalog(name).is_none() => {
+                Err(invalid("object", format!("unknown built-in object \"{name}\"")))
+            }
+            (Some(_), None) => Ok(()),
+            (None, Some(_)) if self.mass_kg.is_some() == self.density_kg_m3.is_some() => {
+                Err(invalid("mass_kg", "a mesh requires either mass_kg or density_kg_m3"))
+            }
+            (None, Some(_)) => Ok(()),
+        }
+    }
+
+    /// Options that select the object.
+    pub(super) fn argv(&self, mesh: Option<&Path>) -> Vec<String> {
+        [
+            option_args("object", self.object.as_ref()),
+            option_args("mesh", mesh.map(Path::display)),
+            option_args("mass", self.mass_kg),
+            option_args("density", self.density_kg_m3),
+        ]
+        .concat()
+    }
+}
+
+/// Names of built-in objects as examples; shape variants such as `bleach.3` are also accepted.
+fn built_in_objects() -> Schema {
+    let names = CATALOG.iter().map(|entry| entry.name);
+    let string_or_null = SchemaType::from_iter([Type::String, Type::Null]);
+    let object = ObjectBuilder::new().schema_type(string_or_null).examples(names);
+    object.description(Some("Built-in object.")).into()
+}

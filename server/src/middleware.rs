@@ -1,0 +1,5 @@
+//! Middleware: authorization and rate limits, the request log, and response headers.
+
+pub(crate) mod auth;
+pub(crate) mod headers;
+pub(crate) mod request_log;
