@@ -1,13 +1,13 @@
 //! Inference network (`policy`) against training network (`imitation`, candle) on states of a dataset.
 
 use configs::DatasetConfig;
-use dataset::Dataset;
-use dataset::generate::{NoProgress, built_in_objects};
+use datagen::NoProgress;
 use grasps::RobotContext;
 use imitation::encoder::TrainedEncoder;
 use imitation::nn::Params;
 use imitation::nn::network::{self, Network};
 use imitation::split;
+use objects::catalog::built_in_objects;
 use policy::model::ModelConfig;
 use policy::weights::Tensors;
 use rand::SeedableRng;
@@ -23,8 +23,8 @@ fn inference_and_training_networks_agree_on_dataset_states() {
     let robot = RobotContext::standard().unwrap();
     let config = DatasetConfig::preset("smoke", 3).unwrap();
     let objects = built_in_objects(config.all_objects()).unwrap();
-    let dataset = Dataset::create(&folder.path().join("data"), config, &objects, false).unwrap();
-    dataset.generate(&robot, &objects, &NoProgress).unwrap();
+    let dataset = datagen::create(&folder.path().join("data"), &config, &objects, false).unwrap();
+    datagen::generate(&dataset, &robot, &objects, &NoProgress).unwrap();
 
     let weights = include_bytes!("../../models/default/weights.safetensors");
     let config = ModelConfig::parse(include_bytes!("../../models/default/config.json")).unwrap();

@@ -1,6 +1,7 @@
 //! Demonstrations lift in simulation without any filtering by outcome.
 
-use dataset::poses::{low_discrepancy_pose, rotate_pose};
+use datagen::poses::low_discrepancy_pose;
+use dataset::planar_pose::rotate_pose;
 use grasps::catalog::catalog_grasps;
 use grasps::demonstration::{self, Demonstration, TrajectoryConfig};
 use grasps::trial::{Physics, TrialOutcome, TrialProtocol};

@@ -1,8 +1,7 @@
 //! End-to-end pipeline at toy size: demonstrations, encoder, policy, model files, attempt.
 
 use configs::{AutoencoderConfig, DaggerConfig, DatasetConfig};
-use dataset::Dataset;
-use dataset::generate::{NoProgress, built_in_objects};
+use datagen::NoProgress;
 use grasps::RobotContext;
 use imitation::autoencoder;
 use imitation::callback::TrainingStatus;
@@ -10,6 +9,7 @@ use imitation::dagger;
 use imitation::demo_group::DemoGroup;
 use imitation::encoder::TrainedEncoder;
 use imitation::split;
+use objects::catalog::built_in_objects;
 use objects::object::Object;
 use policy::{ObservationKind, PolicyConfig};
 use robot::JointVector;
@@ -24,13 +24,13 @@ fn tiny_model_is_trained_resumed_and_executed() {
     let smoke = DatasetConfig::preset("smoke", 1).unwrap();
     let config = DatasetConfig { poses: 10, trajectories: 2, ..smoke };
     let objects = built_in_objects(config.all_objects()).unwrap();
-    let dataset = Dataset::create(&data, config.clone(), &objects, false).unwrap();
-    dataset.generate(&robot, &objects, &NoProgress).unwrap();
+    let dataset = datagen::create(&data, &config, &objects, false).unwrap();
+    datagen::generate(&dataset, &robot, &objects, &NoProgress).unwrap();
     let rows = dataset.verify(&|_, _| ()).unwrap();
     let records = dataset.read_poses(0).unwrap();
     assert_eq!(rows, records.iter().map(|record| record.offsets.last().unwrap()).sum::<usize>());
     let other = DatasetConfig { seed: 2, ..config };
-    let other = Dataset::create(&data, other, &objects, false);
+    let other = datagen::create(&data, &other, &objects, false);
     assert!(other.err().unwrap().to_string().contains("another configuration"));
 
     let steps = AutoencoderConfig { steps: 4, batch: 4, ..AutoencoderConfig::standard() };

@@ -1,18 +1,15 @@
 //! The folder of a dataset: creating it, opening it, reading training data from it.
 
-use crate::generate::Objects;
 use crate::lerobot::data_file_path;
 use crate::manifest::{self, SHARDS_DIR};
 use crate::parquet_io;
 use crate::shard::{CLOUD_POINTS, STATE_DIM};
 use anyhow::{Context, Result, bail, ensure};
 use configs::DatasetConfig;
-use dataset_manifest::{CONFIG_FILE, MANIFEST_FILE, Manifest, SUMMARY_FILE, Summary};
+use dataset_manifest::{CONFIG_FILE, MANIFEST_FILE, Manifest, Provenance, SUMMARY_FILE, Summary};
 use files::atomic_file;
 use files::tensors::read_f32;
 use geometry::Vec3;
-use rand::SeedableRng;
-use rand_chacha::ChaCha8Rng;
 use safetensors::SafeTensors;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -53,28 +50,22 @@ pub struct EncoderSample {
 }
 
 /// Object poses per file of clouds.
-pub(crate) const CLOUD_BLOCK: usize = 16;
+pub const CLOUD_BLOCK: usize = 16;
 
 /// Encoder clouds per file.
-pub(crate) const CLOUDS_PER_FILE: usize = 100;
+pub const CLOUDS_PER_FILE: usize = 100;
 
 /// Approximate number of demonstrations per Parquet file.
 const EPISODES_PER_FILE: usize = 4096;
 
 impl Dataset {
-    /// Creates a dataset of these objects in a folder. The folder may be new or empty. With `may_resume`, it
+    /// Creates a dataset with these inputs in a folder. The folder may be new or empty. With `may_resume`, it
     /// may also contain an unfinished dataset with the same inputs.
-    pub fn create(
-        dir: &Path,
-        config: DatasetConfig,
-        objects: &Objects,
-        may_resume: bool,
-    ) -> Result<Self> {
+    pub fn create(dir: &Path, inputs: &Provenance, may_resume: bool) -> Result<Self> {
         std::fs::create_dir_all(dir).with_context(|| format!("cannot create {}", dir.display()))?;
         manifest::reject_foreign_files(dir)?;
         let path = dir.join(CONFIG_FILE);
-        let inputs = manifest::provenance(&config, objects);
-        let wanted = serde_json::to_string_pretty(&inputs)?;
+        let wanted = serde_json::to_string_pretty(inputs)?;
         if path.exists() {
             let found = std::fs::read_to_string(&path)
                 .with_context(|| format!("cannot read {}", path.display()))?;
@@ -95,7 +86,7 @@ impl Dataset {
         } else {
             atomic_file::write(&path, wanted.as_bytes())?;
         }
-        Ok(Self { dir: dir.to_owned(), config })
+        Ok(Self { dir: dir.to_owned(), config: inputs.config.clone() })
     }
 
     /// Hash of the manifest, which identifies the dataset.
@@ -107,6 +98,16 @@ impl Dataset {
     pub fn open(dir: &Path) -> Result<Self> {
         let config = dataset_manifest::open(dir)?.config;
         Ok(Self { dir: dir.to_owned(), config })
+    }
+
+    /// Deletes the shards, which a complete dataset does not need.
+    pub fn delete_shards(&self) -> Result<()> {
+        let folder = self.dir.join(SHARDS_DIR);
+        if folder.exists() {
+            std::fs::remove_dir_all(&folder)
+                .with_context(|| format!("cannot delete {}", folder.display()))?;
+        }
+        Ok(())
     }
 
     /// Counts and statistics by object name.
@@ -156,7 +157,7 @@ impl Dataset {
     }
 
     /// Number of kept demonstrations of each pose of an object.
-    pub(crate) fn kept_per_pose(&self, object: usize) -> Result<Vec<i64>> {
+    fn kept_per_pose(&self, object: usize) -> Result<Vec<i64>> {
         let path = self.dir.join("poses.parquet");
         let kept =
             parquet_io::integers(&parquet_io::read_group(&path, object)?, "num_kept")?.to_vec();
@@ -245,44 +246,43 @@ impl Dataset {
         self.config.encoder_objects.iter().map(surface).collect()
     }
 
-    pub(crate) fn surfaces_path(&self) -> PathBuf {
+    /// File of the surface points of the encoder's objects.
+    pub fn surfaces_path(&self) -> PathBuf {
         self.dir.join("clouds/surfaces.safetensors")
     }
 
     /// Number of encoder cloud files per object.
-    pub(crate) fn cloud_files(&self) -> usize {
+    pub fn cloud_files(&self) -> usize {
         self.config.encoder_clouds.div_ceil(CLOUDS_PER_FILE)
     }
 
     /// Object poses per Parquet file of demonstrations.
-    pub(crate) fn poses_per_file(&self) -> usize {
+    fn poses_per_file(&self) -> usize {
         (EPISODES_PER_FILE / self.config.trajectories.max(1)).max(1)
     }
 
     /// Index of the Parquet file with the demonstrations of a pose.
-    pub(crate) fn file_index(&self, object: usize, pose: usize) -> usize {
+    pub fn file_index(&self, object: usize, pose: usize) -> usize {
         object * self.config.poses.div_ceil(self.poses_per_file()) + pose / self.poses_per_file()
     }
 
-    pub(crate) fn shard_path(&self, name: &str, index: usize) -> PathBuf {
+    /// File of the shard of a pose, until the dataset is assembled.
+    pub fn shard_path(&self, name: &str, index: usize) -> PathBuf {
         self.dir.join(SHARDS_DIR).join(name).join(format!("{index:05}.safetensors"))
     }
 
-    pub(crate) fn grasps_path(&self, name: &str) -> PathBuf {
+    /// File of the grasps of an object.
+    pub fn grasps_path(&self, name: &str) -> PathBuf {
         self.dir.join("grasps").join(format!("{name}.json"))
     }
 
-    pub(crate) fn cloud_path(&self, name: &str, file: usize) -> PathBuf {
+    /// File of encoder clouds of an object.
+    pub fn cloud_path(&self, name: &str, file: usize) -> PathBuf {
         self.dir.join("clouds/objects").join(name).join(format!("{file:05}.safetensors"))
     }
 
-    pub(crate) fn pose_clouds_path(&self, name: &str, block: usize) -> PathBuf {
+    /// File of the clouds of a block of [`CLOUD_BLOCK`] poses.
+    pub fn pose_clouds_path(&self, name: &str, block: usize) -> PathBuf {
         self.dir.join("clouds/poses").join(name).join(format!("{block:05}.safetensors"))
-    }
-
-    /// Independent random generator for each generated item, so that the order of the work has no effect.
-    pub(crate) fn rng(&self, kind: &str, name: &str, index: usize) -> ChaCha8Rng {
-        let key = format!("{} {kind} {name} {index}", self.config.seed);
-        ChaCha8Rng::from_seed(*blake3::hash(key.as_bytes()).as_bytes())
     }
 }

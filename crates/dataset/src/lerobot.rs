@@ -6,8 +6,8 @@ use crate::parquet_io::{self, Column, Columns};
 use crate::shard::{DemoTrial, PoseShard, STATE_DIM};
 use anyhow::Result;
 use files::atomic_file;
+use robot::integrator::CONTROL_DT;
 use robot::{DOF, KinematicTree};
-use scene::config::CONTROL_DT;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
@@ -15,33 +15,32 @@ use std::path::{Path, PathBuf};
 const FPS: usize = 30;
 
 /// Dimension of an action: joint accelerations, then the joint positions they lead to.
-pub(crate) const ACTION_DIM: usize = 2 * DOF;
+pub const ACTION_DIM: usize = 2 * DOF;
 
 /// Path of a Parquet file with rows of episodes.
-pub(crate) fn data_file_path(dir: &Path, file: usize) -> PathBuf {
+pub fn data_file_path(dir: &Path, file: usize) -> PathBuf {
     dir.join("data/chunk-000").join(format!("file-{file:03}.parquet"))
 }
 
 /// Location of an episode in the dataset.
-pub(crate) struct EpisodeIndex<'a> {
-    pub(crate) object: usize,
-    pub(crate) pose: usize,
-    pub(crate) shard: &'a PoseShard,
-    pub(crate) trial: &'a DemoTrial,
+pub struct EpisodeIndex<'a> {
+    /// Index of the object in the configuration.
+    pub object: usize,
+    /// Index of the pose among the poses of the object.
+    pub pose: usize,
+    /// All data of the pose.
+    pub shard: &'a PoseShard,
+    /// The kept trial that is the episode.
+    pub trial: &'a DemoTrial,
     /// Index of its Parquet file.
-    pub(crate) file: usize,
+    pub file: usize,
     /// First row in the dataset, then number of rows.
-    pub(crate) rows: [usize; 2],
+    pub rows: [usize; 2],
 }
 
 /// Rows of all demonstrations at one pose. The first demonstration is episode `episode` and starts at row
 /// `row` of the dataset.
-pub(crate) fn frame_columns(
-    shard: &PoseShard,
-    object: usize,
-    episode: usize,
-    row: usize,
-) -> Columns {
+pub fn frame_columns(shard: &PoseShard, object: usize, episode: usize, row: usize) -> Columns {
     let count = shard.num_rows();
     let (mut frame, mut episodes) = (Vec::with_capacity(count), Vec::with_capacity(count));
     for (k, span) in shard.offsets.windows(2).enumerate() {
@@ -68,7 +67,7 @@ fn task(object: &str) -> String {
 }
 
 /// Writes the metadata files in `meta`.
-pub(crate) fn write_meta(
+pub fn write_meta(
     dir: &Path,
     tree: &KinematicTree,
     objects: &[String],
@@ -174,7 +173,7 @@ fn episode_columns(objects: &[String], episodes: &[EpisodeIndex]) -> Columns {
 
 /// Count, sums, minima and maxima of vectors, by column.
 #[derive(Clone, Debug)]
-pub(crate) struct ColumnStats {
+pub struct ColumnStats {
     count: usize,
     sum: Vec<f64>,
     sum_of_squares: Vec<f64>,
@@ -183,7 +182,8 @@ pub(crate) struct ColumnStats {
 }
 
 impl ColumnStats {
-    pub(crate) fn new(width: usize) -> Self {
+    /// Statistics of no vectors of `width` values.
+    pub fn new(width: usize) -> Self {
         Self {
             count: 0,
             sum: vec![0.0; width],
@@ -194,7 +194,7 @@ impl ColumnStats {
     }
 
     /// Adds vectors of `width` values, stored in sequence, to the columns from `first` on.
-    pub(crate) fn add(&mut self, vectors: &[f32], width: usize, first: usize) {
+    pub fn add(&mut self, vectors: &[f32], width: usize, first: usize) {
         for vector in vectors.chunks_exact(width) {
             for (i, &x) in (first..).zip(vector) {
                 self.sum[i] += f64::from(x);

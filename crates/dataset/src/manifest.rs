@@ -1,29 +1,20 @@
 //! The files of a dataset folder: writing its manifest, and verifying them.
 
-use crate::generate::Objects;
 use anyhow::{Context, Result, bail, ensure};
-use configs::DatasetConfig;
 use dataset_manifest::{CONFIG_FILE, FileEntry, MANIFEST_FILE, Manifest, Provenance, SUMMARY_FILE};
 use files::atomic_file;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
-/// Provenance of a dataset of these objects in the current scene.
-pub(crate) fn provenance(config: &DatasetConfig, objects: &Objects) -> Provenance {
-    let hashes = objects.iter().map(|(name, object)| (name.clone(), object.hash()));
-    let scene = scene::scene_hash();
-    Provenance { config: config.clone(), scene, objects: hashes.collect() }
-}
-
-/// Builds the manifest of a folder.
-pub(crate) fn build(dir: &Path, config: &DatasetConfig, objects: &Objects) -> Result<Manifest> {
+/// Builds the manifest of a folder: hashes every file.
+pub fn build(dir: &Path, provenance: Provenance) -> Result<Manifest> {
     let mut files = Vec::new();
     for path in list_files(dir)?.into_iter().filter(|path| is_hashed(path)) {
         files.push(hash_file(dir, &path)?);
     }
     let manifest = Manifest {
         generator: format!("ngf-grasp {}", env!("CARGO_PKG_VERSION")),
-        provenance: provenance(config, objects),
+        provenance,
         files,
         hash: String::new(),
     };
@@ -37,12 +28,12 @@ fn hash(manifest: &Manifest) -> Result<String> {
 }
 
 /// Writes a manifest to its dataset.
-pub(crate) fn write(manifest: &Manifest, dir: &Path) -> Result<()> {
+pub fn write(manifest: &Manifest, dir: &Path) -> Result<()> {
     atomic_file::write(&dir.join(MANIFEST_FILE), &serde_json::to_vec_pretty(manifest)?)
 }
 
 /// Hashes every file again and checks that no file is missing, changed or foreign.
-pub(crate) fn verify_files(
+pub fn verify_files(
     manifest: &Manifest,
     dir: &Path,
     progress: &dyn Fn(usize, usize),
@@ -89,10 +80,10 @@ const KNOWN_ENTRIES: [&str; 11] = [
 ];
 
 /// Folder of the shards, deleted after assembly.
-pub(crate) const SHARDS_DIR: &str = "shards";
+pub const SHARDS_DIR: &str = "shards";
 
 /// Rejects a folder with files that do not belong to a dataset.
-pub(crate) fn reject_foreign_files(dir: &Path) -> Result<()> {
+pub fn reject_foreign_files(dir: &Path) -> Result<()> {
     let unreadable = || format!("cannot read {}", dir.display());
     for entry in std::fs::read_dir(dir).with_context(unreadable)? {
         let entry = entry.with_context(unreadable)?;
@@ -109,7 +100,7 @@ pub(crate) fn reject_foreign_files(dir: &Path) -> Result<()> {
 }
 
 /// Deletes partial files of killed writers.
-pub(crate) fn delete_partial_files(dir: &Path) -> Result<()> {
+pub fn delete_partial_files(dir: &Path) -> Result<()> {
     for path in list_files(dir)?.into_iter().map(|path| dir.join(path)) {
         if atomic_file::is_partial(&path) {
             std::fs::remove_file(&path)
@@ -161,13 +152,16 @@ fn hash_file(dir: &Path, path: &Path) -> Result<FileEntry> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use configs::DatasetConfig;
+    use std::collections::BTreeMap;
 
     fn folder() -> (tempfile::TempDir, Manifest) {
         let folder = tempfile::tempdir().unwrap();
         atomic_file::write(&folder.path().join("meta/info.json"), b"{}").unwrap();
         atomic_file::write(&folder.path().join("log.jsonl"), b"one\n").unwrap();
         let config = DatasetConfig::preset("smoke", 0).unwrap();
-        let manifest = build(folder.path(), &config, &Objects::new()).unwrap();
+        let (scene, objects) = (String::new(), BTreeMap::new());
+        let manifest = build(folder.path(), Provenance { config, scene, objects }).unwrap();
         write(&manifest, folder.path()).unwrap();
         (folder, manifest)
     }

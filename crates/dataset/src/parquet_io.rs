@@ -20,19 +20,23 @@ use std::path::Path;
 use std::sync::Arc;
 
 /// Values of a column.
-pub(crate) enum Column {
+pub enum Column {
+    /// Single-precision numbers.
     Floats(Vec<f32>),
     /// Vectors of a fixed length.
     Vectors(Vec<f32>, usize),
+    /// 64-bit integers.
     Integers(Vec<i64>),
+    /// Flags, `None` where unknown.
     Flags(Vec<Option<bool>>),
+    /// UTF-8 strings.
     Texts(Vec<String>),
     /// Lists with one string each.
     TextList(Vec<String>),
 }
 
 /// Names and values of columns.
-pub(crate) type Columns = Vec<(&'static str, Column)>;
+pub type Columns = Vec<(&'static str, Column)>;
 
 impl Column {
     fn array(self) -> Result<ArrayRef> {
@@ -97,7 +101,7 @@ fn properties(batch: &RecordBatch, metadata: Option<(&str, String)>) -> Result<W
 }
 
 /// Writes a table with one row group for each item of `groups`.
-pub(crate) fn write(
+pub fn write(
     path: &Path,
     groups: impl IntoIterator<Item = Result<Columns>>,
     metadata: Option<(&str, String)>,
@@ -122,7 +126,7 @@ pub(crate) fn write(
 }
 
 /// Reads one row group of a table.
-pub(crate) fn read_group(path: &Path, group: usize) -> Result<RecordBatch> {
+pub fn read_group(path: &Path, group: usize) -> Result<RecordBatch> {
     let file = File::open(path).with_context(|| format!("cannot read {}", path.display()))?;
     let damaged = || format!("{} is damaged", path.display());
     let builder = ParquetRecordBatchReaderBuilder::try_new(file).with_context(damaged)?;
@@ -134,7 +138,7 @@ pub(crate) fn read_group(path: &Path, group: usize) -> Result<RecordBatch> {
 }
 
 /// Number of row groups of a table.
-pub(crate) fn num_row_groups(path: &Path) -> Result<usize> {
+pub fn num_row_groups(path: &Path) -> Result<usize> {
     let file = File::open(path).with_context(|| format!("cannot read {}", path.display()))?;
     let builder = ParquetRecordBatchReaderBuilder::try_new(file)
         .with_context(|| format!("{} is damaged", path.display()))?;
@@ -146,7 +150,7 @@ fn column<'a>(batch: &'a RecordBatch, name: &str) -> Result<&'a ArrayRef> {
 }
 
 /// Values of a float column, or of a column of float vectors.
-pub(crate) fn floats<'a>(batch: &'a RecordBatch, name: &str) -> Result<&'a [f32]> {
+pub fn floats<'a>(batch: &'a RecordBatch, name: &str) -> Result<&'a [f32]> {
     let array = column(batch, name)?;
     let values = match array.as_fixed_size_list_opt() {
         Some(vectors) => vectors.values(),
@@ -157,7 +161,7 @@ pub(crate) fn floats<'a>(batch: &'a RecordBatch, name: &str) -> Result<&'a [f32]
 }
 
 /// Values of an integer column.
-pub(crate) fn integers<'a>(batch: &'a RecordBatch, name: &str) -> Result<&'a [i64]> {
+pub fn integers<'a>(batch: &'a RecordBatch, name: &str) -> Result<&'a [i64]> {
     let values = column(batch, name)?.as_primitive_opt::<arrow_array::types::Int64Type>();
     Ok(values.with_context(|| format!("column {name} does not contain integers"))?.values())
 }

@@ -3,11 +3,8 @@
 use anyhow::{Result, ensure};
 use dataset_manifest::KEPT;
 use files::tensors::{self, read_f32};
-use grasps::demonstration::{Demonstration, GoalError, PlanFailure};
-use grasps::trial::TrialOutcome;
-use robot::DOF;
+use robot::{DOF, JointState, JointVector};
 use safetensors::SafeTensors;
-use scene::HoldFailure;
 
 /// Dimension of a state: joint positions, then velocities.
 pub const STATE_DIM: usize = 2 * DOF;
@@ -53,26 +50,6 @@ impl DemoOutcome {
         Self::ALL[self as usize].1
     }
 
-    pub(crate) fn from_plan_failure(flaw: PlanFailure) -> Self {
-        match flaw {
-            PlanFailure::NotConverged => Self::NotConverged,
-            PlanFailure::TooShort => Self::TooShort,
-            PlanFailure::Collision => Self::Collision,
-        }
-    }
-
-    pub(crate) fn from_trial_outcome(outcome: TrialOutcome) -> Self {
-        match outcome {
-            TrialOutcome::Lifted { .. } => Self::Kept,
-            TrialOutcome::Failed(HoldFailure::Slipped) => Self::Slipped,
-            TrialOutcome::Failed(HoldFailure::TooLow) => Self::TooLow,
-            TrialOutcome::Failed(HoldFailure::ForeignContact | HoldFailure::NoContact) => {
-                Self::ForeignContact
-            }
-            TrialOutcome::NotFinite => Self::NotFinite,
-        }
-    }
-
     fn from_code(code: f32) -> Option<Self> {
         (code >= 0.0).then(|| Self::ALL[code as usize % Self::ALL.len()].0)
     }
@@ -113,12 +90,6 @@ pub struct DemoTrial {
 }
 
 impl DemoTrial {
-    /// Whether the motion converged at the target.
-    pub fn reached_goal(&self) -> bool {
-        let [distance, angle] = self.goal_error.map(f64::from);
-        self.num_frames > 0 && GoalError { distance, angle }.is_reached()
-    }
-
     const NUM_VALUES: usize = 15;
 
     fn to_values(&self) -> [f32; Self::NUM_VALUES] {
@@ -192,10 +163,9 @@ pub struct PoseShard {
 }
 
 impl PoseShard {
-    /// Adds a demonstration without its last state, which equals the target of the last row.
-    pub(crate) fn push(&mut self, demonstration: &Demonstration) {
-        let states = &demonstration.states;
-        for (pair, qdd) in states.windows(2).zip(&demonstration.accelerations) {
+    /// Adds a demonstration (N + 1 states, N accelerations) without its last state, which equals the target of the last row.
+    pub fn push(&mut self, states: &[JointState], accelerations: &[JointVector]) {
+        for (pair, qdd) in states.windows(2).zip(accelerations) {
             let state = pair[0].q.iter().chain(pair[0].qd.iter());
             self.states.extend(state.map(|x| *x as f32));
             self.accelerations.extend(qdd.iter().map(|x| *x as f32));
@@ -214,7 +184,8 @@ impl PoseShard {
         self.trials.iter().filter(|trial| trial.outcome == DemoOutcome::Kept)
     }
 
-    pub(crate) fn encode(&self) -> Result<Vec<u8>> {
+    /// Safetensors file of the shard.
+    pub fn encode(&self) -> Result<Vec<u8>> {
         let rows = self.num_rows();
         let offsets: Vec<f32> = self.offsets.iter().map(|&i| i as f32).collect();
         let trials: Vec<f32> = self.trials.iter().flat_map(DemoTrial::to_values).collect();
@@ -236,7 +207,8 @@ impl PoseShard {
         )
     }
 
-    pub(crate) fn decode(bytes: &[u8]) -> Result<Self> {
+    /// Inverse of [`PoseShard::encode`]; fails if the offsets do not cover the rows.
+    pub fn decode(bytes: &[u8]) -> Result<Self> {
         let tensors = SafeTensors::deserialize(bytes)?;
         let read = |name: &str| read_f32(&tensors, name);
         let pose = read("pose")?;

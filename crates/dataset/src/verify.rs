@@ -8,7 +8,7 @@ use crate::shard::STATE_DIM;
 use anyhow::{Context, Result, ensure};
 use dataset_manifest::Manifest;
 use robot::DOF;
-use scene::config::CONTROL_DT;
+use robot::integrator::CONTROL_DT;
 
 /// Maximum error of Eq. 6 and 7 after rounding to single precision (rad, rad/s).
 const F32_TOLERANCE: f64 = 1e-4;

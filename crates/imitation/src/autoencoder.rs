@@ -54,7 +54,7 @@ fn examples(dataset: &Dataset) -> Result<Vec<Example>> {
 
 /// Object pose x, y (m), yaw (rad) in the canonical frame, for an object at the given azimuth (rad).
 pub fn canonical_pose(pose: [f32; 3], azimuth: f64) -> [f32; 3] {
-    dataset::poses::rotate_pose(pose, -azimuth as f32)
+    dataset::planar_pose::rotate_pose(pose, -azimuth as f32)
 }
 
 /// Min. standard deviation of a whitened axis, as a fraction of the largest one; axes below it are treated as

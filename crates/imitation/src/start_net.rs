@@ -14,7 +14,7 @@ use anyhow::{Result, bail};
 use candle_core::{Device, Tensor};
 use configs::StartConfig;
 use dataset::Dataset;
-use dataset::poses::rotate_pose;
+use dataset::planar_pose::rotate_pose;
 use evaluation::percentiles::median;
 use grasps::{RobotContext, demonstration};
 use objects::object::Object;

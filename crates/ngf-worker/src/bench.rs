@@ -1,6 +1,6 @@
 //! `ngf bench`: time (ms) of the components of an attempt, on this machine.
 
-use crate::datagen;
+use crate::datagen_bench;
 use anyhow::{Context, Result};
 use evaluation::percentiles::median;
 use files::atomic_file;
@@ -106,7 +106,7 @@ fn attempt_rows() -> Result<Vec<Row>> {
     let mut step = measure("physics_step_home", 200, || scene.track(&home, &home));
     step.value /= robot.config.physics.substeps as f64;
     rows.push(step);
-    rows.extend(datagen::rows(robot)?);
+    rows.extend(datagen_bench::rows(robot)?);
     Ok(rows)
 }
 

@@ -5,11 +5,12 @@ use crate::progress_bar::Bar;
 use anyhow::{Context, Result};
 use clap::builder::{PossibleValue, PossibleValuesParser};
 use configs::dataset::{DatasetConfig, PRESETS};
+use datagen::Progress;
+use dataset::Dataset;
 use dataset::episodes::EpisodeEntry;
-use dataset::generate::built_in_objects;
-use dataset::{Dataset, Objects, Progress};
 use dataset_manifest::{Manifest, Summary};
 use grasps::RobotContext;
+use objects::catalog::{Objects, built_in_object, built_in_objects};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
@@ -124,10 +125,10 @@ fn generate(options: &GenerateArgs) -> Result<()> {
         .num_threads(options.threads)
         .build_global()
         .context("cannot start the threads; try fewer with --threads")?;
-    let dataset = Dataset::create(&options.out, config, &objects, options.resume)?;
+    let dataset = datagen::create(&options.out, &config, &objects, options.resume)?;
     let progress = CliProgress::new(&options.out);
     let robot = RobotContext::standard()?;
-    let manifest = dataset.generate(&robot, &objects, progress)?;
+    let manifest = datagen::generate(&dataset, &robot, &objects, progress)?;
     progress.finish();
     let summary = dataset.summary()?;
     print_counts(&summary);
@@ -295,11 +296,11 @@ fn report(dir: &Path, out: Option<&Path>) -> Result<()> {
     // A user mesh is not available here, so its grasps are not drawn.
     let manifest = Manifest::read(dir)?;
     let available = dataset.config.objects.iter().filter_map(|name| {
-        let object = dataset::generate::built_in_object(name).ok()?;
+        let object = built_in_object(name).ok()?;
         let is_same = manifest.provenance.objects.get(name) == Some(&object.hash());
         is_same.then(|| (name.clone(), object))
     });
-    let page = dataset::report::render_page(&dataset, &robot, &available.collect())?;
+    let page = datagen::report::render_page(&dataset, &robot, &available.collect())?;
     let file = out.map_or_else(|| dir.join("report.html"), Path::to_path_buf);
     files::atomic_file::write(&file, page.as_bytes())?;
     println!("{}", file.display());

@@ -3,7 +3,7 @@
 mod bench;
 mod card;
 mod compare;
-mod datagen;
+mod datagen_bench;
 mod dataset;
 mod evaluate;
 mod grasps;
@@ -109,10 +109,7 @@ fn run(command: &CliCommand) -> anyhow::Result<()> {
     match command {
         CliCommand::Serve { args } => {
             let args = args.join(OsStr::new(" "));
-            anyhow::bail!(
-                "`ngf-worker` cannot serve; run `ngf serve {}`",
-                args.display()
-            )
+            anyhow::bail!("`ngf-worker` cannot serve; run `ngf serve {}`", args.display())
         }
         CliCommand::Objects(options) => object_selection::run(options),
         CliCommand::Mesh(command) => mesh::run(command),

@@ -20,7 +20,7 @@ pub(crate) struct ListOptions {
 /// Lists or draws the built-in objects.
 pub(crate) fn run(options: &ListOptions) -> Result<()> {
     if let Some(file) = &options.contact_sheet {
-        let sheet = dataset::report::contact_sheet().map_err(anyhow::Error::msg)?;
+        let sheet = datagen::report::contact_sheet().map_err(anyhow::Error::msg)?;
         return files::atomic_file::write(file, sheet.as_bytes());
     }
     for entry in CATALOG {
@@ -64,7 +64,7 @@ pub(crate) struct SelectedObject {
 impl SelectedObject {
     /// Selects a built-in object.
     pub(crate) fn built_in(name: &str) -> Result<Self> {
-        let object = dataset::generate::built_in_object(name)?;
+        let object = objects::catalog::built_in_object(name)?;
         Ok(Self { name: name.to_owned(), object, orientation: None })
     }
 }

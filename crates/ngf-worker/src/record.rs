@@ -2,7 +2,7 @@
 
 use crate::replay::replay_file;
 use anyhow::Result;
-use dataset::generate::built_in_object;
+use objects::catalog::built_in_object;
 use rollout::{Attempt, Controller, RolloutContext};
 use std::path::PathBuf;
 

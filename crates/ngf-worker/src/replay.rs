@@ -4,7 +4,7 @@ use crate::evaluate::load_model;
 use crate::object_selection::{self, ObjectOptions};
 use crate::share_link::ShareLink;
 use anyhow::{Context, Result, bail, ensure};
-use dataset::generate::built_in_object;
+use objects::catalog::built_in_object;
 use objects::import;
 use objects::object::Object;
 use rollout::{Attempt, AttemptRecording, Controller, Outcome, RolloutContext};

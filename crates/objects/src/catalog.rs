@@ -2,6 +2,24 @@
 
 use crate::object::{Object, ObjectFile};
 use crate::shape_variant::ShapeVariant;
+use std::collections::BTreeMap;
+use std::fmt;
+
+/// Objects by name.
+pub type Objects = BTreeMap<String, Object>;
+
+/// The catalogue has no object with this name.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct UnknownObject(pub String);
+
+impl fmt::Display for UnknownObject {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let known: Vec<&str> = CATALOG.iter().map(|entry| entry.name).collect();
+        write!(f, "no object named {}; known objects: {}", self.0, known.join(", "))
+    }
+}
+
+impl std::error::Error for UnknownObject {}
 
 /// Object file of the catalogue, `assets/objects/FAMILY/NAME.toml`.
 #[derive(Clone, Copy, Debug)]
@@ -52,6 +70,18 @@ impl Object {
         }
         object.scaled_variant(name, &ShapeVariant::by_number(variant)).ok()
     }
+}
+
+/// Loads a built-in object; the error lists the known names.
+pub fn built_in_object(name: &str) -> Result<Object, UnknownObject> {
+    Object::from_catalog(name).ok_or_else(|| UnknownObject(name.to_owned()))
+}
+
+/// Loads built-in objects by name.
+pub fn built_in_objects<'a>(
+    names: impl IntoIterator<Item = &'a str>,
+) -> Result<Objects, UnknownObject> {
+    names.into_iter().map(|name| Ok((name.to_owned(), built_in_object(name)?))).collect()
 }
 
 /// Name of the object whose grasps are tried first on a catalogue object.

@@ -2,6 +2,9 @@
 
 use crate::{JointState, JointVector};
 
+/// Control period (s): 30 Hz, as in the paper.
+pub const CONTROL_DT: f64 = 1.0 / 30.0;
+
 /// One step of `dt` (s) under constant acceleration: q + dt q̇ + ½ dt² q̈ (Eq. 6), q̇ + dt q̈ (Eq. 7).
 pub fn step(state: &JointState, qdd: &JointVector, dt: f64) -> JointState {
     JointState { q: state.q + state.qd * dt + qdd * (0.5 * dt * dt), qd: state.qd + qdd * dt }

@@ -1,6 +1,7 @@
 //! Scene configuration: all parameters of the world and of the attempt protocol.
 
 use geometry::{Pose, Vec3};
+pub use robot::integrator::CONTROL_DT;
 use robot::{ARM_DOF, HAND_DOF};
 
 /// Error during the setup of a scene.
@@ -228,9 +229,6 @@ impl SceneConfig {
         CONTROL_DT / self.physics.substeps as f64
     }
 }
-
-/// Control period (s): 30 Hz, as in the paper.
-pub const CONTROL_DT: f64 = 1.0 / 30.0;
 
 /// Converts a configuration array to a vector.
 pub(crate) fn vec3(a: [f32; 3]) -> Vec3 {

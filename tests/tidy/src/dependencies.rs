@@ -11,7 +11,7 @@ use toml::{Table, Value};
 /// ARCHITECTURE.md describes the crates. `policy`, `rollout` and their dependencies run in the browser and
 /// must not depend on candle. `server` links no physics, training or Parquet: jobs, and the commands that read
 /// a dataset, run in worker processes.
-pub(crate) const ALLOWED_DEPENDENCIES: [(&str, &[&str]); 25] = [
+pub(crate) const ALLOWED_DEPENDENCIES: [(&str, &[&str]); 26] = [
     ("mesh", &[]),
     ("geometry", &["mesh"]),
     ("objects", &["mesh", "geometry"]),
@@ -25,8 +25,9 @@ pub(crate) const ALLOWED_DEPENDENCIES: [(&str, &[&str]); 25] = [
     ("configs", &["objects", "policy"]),
     ("dataset-manifest", &["configs"]),
     ("worker-protocol", &[]),
+    ("dataset", &["geometry", "robot", "files", "configs", "dataset-manifest"]),
     (
-        "dataset",
+        "datagen",
         &[
             "mesh",
             "geometry",
@@ -37,6 +38,7 @@ pub(crate) const ALLOWED_DEPENDENCIES: [(&str, &[&str]); 25] = [
             "files",
             "configs",
             "dataset-manifest",
+            "dataset",
         ],
     ),
     ("evaluation", &["objects", "robot", "scene", "rollout", "files"]),
@@ -72,6 +74,7 @@ pub(crate) const ALLOWED_DEPENDENCIES: [(&str, &[&str]); 25] = [
             "configs",
             "dataset-manifest",
             "dataset",
+            "datagen",
             "evaluation",
             "imitation",
             "worker-protocol",
@@ -93,13 +96,13 @@ pub(crate) const ALLOWED_DEPENDENCIES: [(&str, &[&str]); 25] = [
 ];
 
 /// Libraries that only the listed crates may use. `ngf` limits the number of threads with rayon; crates
-/// below `dataset` run on the calling thread.
+/// below `datagen` run on the calling thread.
 const CONFINED_LIBRARIES: [(&str, &[&str]); 11] = [
     ("rapier3d", &["scene"]),
     ("parry3d", &["geometry"]),
     ("candle-core", &["imitation"]),
     ("gemm", &["imitation"]),
-    ("rayon", &["dataset", "evaluation", "imitation", "ngf-worker"]),
+    ("rayon", &["datagen", "evaluation", "imitation", "ngf-worker"]),
     ("parquet", &["dataset"]),
     ("arrow-array", &["dataset"]),
     ("sqlx", &["server"]),

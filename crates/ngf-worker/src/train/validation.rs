@@ -1,12 +1,12 @@
 //! Validation of a policy during training: rollouts without physics, damping rate, and attempts in physics.
 
 use anyhow::Result;
-use dataset::generate::built_in_object;
 use evaluation::evaluate;
 use evaluation::percentiles::MedianP90;
 use imitation::demo_group::DemoGroup;
 use imitation::export::ModelFiles;
 use imitation::kinematic_rollout::{fingertip_errors, max_damping_rate};
+use objects::catalog::built_in_object;
 use objects::object::Object;
 use policy::weights::Tensors;
 use policy::{Network, PolicyConfig};

@@ -1,8 +1,9 @@
 //! Point clouds of objects from the simulated depth sensor, with and without noise.
 
-use crate::poses::{rotate_pose, sample_azimuth};
-use crate::shard::{CLOUD_POINTS, PoseShard};
+use crate::poses::sample_azimuth;
 use anyhow::{Result, ensure};
+use dataset::planar_pose::rotate_pose;
+use dataset::shard::{CLOUD_POINTS, PoseShard};
 use files::tensors;
 use geometry::Pose;
 use grasps::{RobotContext, object_poses};

@@ -4,31 +4,31 @@
 //! resumes by generating the missing files.
 
 use crate::clouds::CloudRenderer;
-use crate::dataset::{CLOUDS_PER_FILE, Dataset};
 use crate::demonstrations::PoseTask;
 use crate::poses::low_discrepancy_pose;
-use crate::shard::PoseShard;
 use anyhow::{Context, Result, bail};
-use dataset_manifest::{MANIFEST_FILE, Manifest};
+use configs::DatasetConfig;
+use dataset::Dataset;
+use dataset::dataset::CLOUDS_PER_FILE;
+use dataset::shard::PoseShard;
+use dataset_manifest::{MANIFEST_FILE, Manifest, Provenance};
 use files::{atomic_file, tensors};
 use geometry::surface_sampling;
 use grasps::search::{SearchConfig, search};
 use grasps::symmetry::expand_by_symmetry;
 use grasps::transfer::transfer;
 use grasps::{GraspSet, PlacedObject, RobotContext, catalog};
-use objects::catalog::{parse_variant, reference_object};
+use objects::catalog::{Objects, parse_variant, reference_object};
 use objects::object::Object;
 use objects::shape_variant::ShapeVariant;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Surface points per object, enough for symmetric objects to have symmetric moments.
 const SURFACE_POINTS: usize = 4096;
-
-/// Objects by name.
-pub type Objects = BTreeMap<String, Object>;
 
 /// Progress callbacks, and cancellation.
 pub trait Progress: Sync {
@@ -50,39 +50,67 @@ impl Progress for NoProgress {
     }
 }
 
-impl Dataset {
-    /// Generates all missing files on the current thread pool.
-    pub fn generate(
-        &self,
-        robot: &RobotContext,
-        objects: &Objects,
-        progress: &dyn Progress,
-    ) -> Result<Manifest> {
-        if !self.dir.join(MANIFEST_FILE).exists() {
-            let viewer = CloudRenderer::new(robot);
-            self.generate_grasps(robot, objects, progress)?;
-            self.generate_surfaces(objects)?;
-            self.generate_clouds(&viewer, objects, progress)?;
-            self.generate_shards(&viewer, objects, progress)?;
-            self.assemble(robot, objects, progress)?;
-        }
-        self.delete_shards()?;
-        Manifest::read(&self.dir)
-    }
+/// Provenance of a dataset of these objects in the current scene.
+pub fn provenance(config: &DatasetConfig, objects: &Objects) -> Provenance {
+    let hashes = objects.iter().map(|(name, object)| (name.clone(), object.hash()));
+    let scene = scene::scene_hash();
+    Provenance { config: config.clone(), scene, objects: hashes.collect() }
+}
 
+/// Creates the folder of a dataset of these objects, see [`Dataset::create`].
+pub fn create(
+    dir: &Path,
+    config: &DatasetConfig,
+    objects: &Objects,
+    may_resume: bool,
+) -> Result<Dataset> {
+    Dataset::create(dir, &provenance(config, objects), may_resume)
+}
+
+/// Generates all missing files of a dataset on the current thread pool.
+pub fn generate(
+    dataset: &Dataset,
+    robot: &RobotContext,
+    objects: &Objects,
+    progress: &dyn Progress,
+) -> Result<Manifest> {
+    if !dataset.dir.join(MANIFEST_FILE).exists() {
+        let generator = Generator { dataset, robot, objects, progress };
+        generator.generate_grasps()?;
+        generator.generate_surfaces()?;
+        let renderer = CloudRenderer::new(robot);
+        generator.generate_clouds(&renderer)?;
+        generator.generate_shards(&renderer)?;
+        generator.assemble()?;
+    }
+    dataset.delete_shards()?;
+    Manifest::read(&dataset.dir)
+}
+
+/// Reads the grasps of an object.
+pub fn read_grasps(dataset: &Dataset, name: &str) -> Result<GraspSet> {
+    let path = dataset.grasps_path(name);
+    let bytes = atomic_file::read(&path)?;
+    serde_json::from_slice(&bytes).with_context(|| format!("{} is damaged", path.display()))
+}
+
+/// Writes the files of one dataset.
+pub(crate) struct Generator<'a> {
+    pub(crate) dataset: &'a Dataset,
+    pub(crate) robot: &'a RobotContext,
+    pub(crate) objects: &'a Objects,
+    pub(crate) progress: &'a dyn Progress,
+}
+
+impl Generator<'_> {
     /// Writes the grasps of every object.
-    fn generate_grasps(
-        &self,
-        robot: &RobotContext,
-        objects: &Objects,
-        progress: &dyn Progress,
-    ) -> Result<()> {
-        let names = &self.config.objects;
-        let stage =
-            FileBatch::new("grasps", names.len(), progress, |i| self.grasps_path(&names[i]));
+    fn generate_grasps(&self) -> Result<()> {
+        let names = &self.dataset.config.objects;
+        let path = |i: usize| self.dataset.grasps_path(&names[i]);
+        let stage = FileBatch::new("grasps", names.len(), self.progress, path);
         stage.write_bytes(|i| {
-            let object = lookup_object(objects, &names[i])?;
-            let mut set = self.find_grasps(robot, &names[i], object)?;
+            let object = self.object(&names[i])?;
+            let mut set = self.find_grasps(&names[i], object)?;
             set.grasps = expand_by_symmetry(object, &set.grasps);
             Ok(serde_json::to_vec_pretty(&set)?)
         })
@@ -90,8 +118,9 @@ impl Dataset {
 
     /// Grasps of one object: bundled with the project, transferred from the base object of a variant or from
     /// the reference object of the family, or found by search.
-    fn find_grasps(&self, robot: &RobotContext, name: &str, object: &Object) -> Result<GraspSet> {
-        let (search_config, seed) = (SearchConfig::paper(robot), self.config.seed);
+    fn find_grasps(&self, name: &str, object: &Object) -> Result<GraspSet> {
+        let (robot, config) = (self.robot, &self.dataset.config);
+        let (search_config, seed) = (SearchConfig::paper(robot), config.seed);
         let transferred = |from: &str, variant: Option<u32>| -> Result<Option<GraspSet>> {
             let source = Object::from_catalog(from).zip(catalog::catalog_grasps(from));
             let Some((base, set)) = source else { return Ok(None) };
@@ -110,7 +139,7 @@ impl Dataset {
             None => None,
         };
         let exemplar = reference_object(name).filter(|exemplar| *exemplar != name);
-        match (own, exemplar.filter(|_| self.config.share_family_grasps)) {
+        match (own, exemplar.filter(|_| config.share_family_grasps)) {
             (Some(own), None) => Ok(own),
             (Some(own), Some(exemplar)) => {
                 let first = transferred(exemplar, None)?;
@@ -120,27 +149,18 @@ impl Dataset {
         }
     }
 
-    /// Reads the grasps of an object.
-    pub fn read_grasps(&self, name: &str) -> Result<GraspSet> {
-        let path = self.grasps_path(name);
-        let bytes = atomic_file::read(&path)?;
-        serde_json::from_slice(&bytes).with_context(|| format!("{} is damaged", path.display()))
-    }
-
     /// Writes points on the whole surface of each object of the encoder.
-    fn generate_surfaces(&self, objects: &Objects) -> Result<()> {
-        let path = self.surfaces_path();
+    fn generate_surfaces(&self) -> Result<()> {
+        let path = self.dataset.surfaces_path();
         if path.exists() {
             return Ok(());
         }
         let surface = |name: &String| -> Result<Vec<f32>> {
-            let points = surface_sampling::sample_surface(
-                &lookup_object(objects, name)?.mesh,
-                SURFACE_POINTS,
-            );
+            let mesh = &self.object(name)?.mesh;
+            let points = surface_sampling::sample_surface(mesh, SURFACE_POINTS);
             Ok(points.iter().flat_map(|point| point.to_array()).collect())
         };
-        let names = &self.config.encoder_objects;
+        let names = &self.dataset.config.encoder_objects;
         let surfaces = names.iter().map(surface).collect::<Result<Vec<_>>>()?;
         let tensors: Vec<tensors::NamedTensor> = names
             .iter()
@@ -151,67 +171,51 @@ impl Dataset {
     }
 
     /// Writes the training clouds of the encoder.
-    fn generate_clouds(
-        &self,
-        viewer: &CloudRenderer,
-        objects: &Objects,
-        progress: &dyn Progress,
-    ) -> Result<()> {
-        let names = &self.config.encoder_objects;
-        let files = self.cloud_files();
+    fn generate_clouds(&self, renderer: &CloudRenderer) -> Result<()> {
+        let names = &self.dataset.config.encoder_objects;
+        let files = self.dataset.cloud_files();
         let location = |i: usize| (&names[i / files], i % files);
-        let path = |i| self.cloud_path(location(i).0, location(i).1);
-        let stage = FileBatch::new("point cloud files", files * names.len(), progress, path);
+        let path = |i| self.dataset.cloud_path(location(i).0, location(i).1);
+        let stage = FileBatch::new("point cloud files", files * names.len(), self.progress, path);
         stage.write_bytes(|i| {
             let (name, file) = location(i);
-            let left = self.config.encoder_clouds - file * CLOUDS_PER_FILE;
+            let left = self.dataset.config.encoder_clouds - file * CLOUDS_PER_FILE;
             let mut rng = self.rng("cloud", name, file);
-            viewer.render_random_poses(
-                lookup_object(objects, name)?,
-                left.min(CLOUDS_PER_FILE),
-                &mut rng,
-            )
+            renderer.render_random_poses(self.object(name)?, left.min(CLOUDS_PER_FILE), &mut rng)
         })
     }
 
     /// Writes a shard with demonstrations, replays and clouds for every object pose.
-    fn generate_shards(
-        &self,
-        viewer: &CloudRenderer,
-        objects: &Objects,
-        progress: &dyn Progress,
-    ) -> Result<()> {
-        let names = &self.config.objects;
-        let sets = names.iter().map(|name| self.read_grasps(name)).collect::<Result<Vec<_>>>()?;
+    fn generate_shards(&self, renderer: &CloudRenderer) -> Result<()> {
+        let (names, poses) = (&self.dataset.config.objects, self.dataset.config.poses);
+        let sets = names.iter().map(|name| read_grasps(self.dataset, name));
+        let sets = sets.collect::<Result<Vec<_>>>()?;
         let location = |i: usize| (i % names.len(), i / names.len());
-        let path = |i| self.shard_path(&names[location(i).0], location(i).1);
-        let total = self.config.poses * names.len();
-        let stage = FileBatch::new("object poses", total, progress, path);
+        let path = |i| self.dataset.shard_path(&names[location(i).0], location(i).1);
+        let stage = FileBatch::new("object poses", poses * names.len(), self.progress, path);
         stage.write_bytes(|i| {
-            let (which, index) = location(i);
-            let (name, set) = (&names[which], &sets[which]);
-            let pose = low_discrepancy_pose(viewer.robot, which * self.config.poses + index);
-            self.generate_shard(viewer, name, lookup_object(objects, name)?, set, (index, pose))?
-                .encode()
+            let (object, index) = location(i);
+            let pose = low_discrepancy_pose(self.robot, object * poses + index);
+            self.generate_shard(renderer, &names[object], &sets[object], (index, pose))?.encode()
         })
     }
 
     fn generate_shard(
         &self,
-        viewer: &CloudRenderer,
+        renderer: &CloudRenderer,
         name: &str,
-        object: &Object,
         set: &GraspSet,
         (index, pose): (usize, [f32; 3]),
     ) -> Result<PoseShard> {
-        let robot = viewer.robot;
+        let (robot, config) = (self.robot, &self.dataset.config);
+        let object = self.object(name)?;
         let mut shard = PoseShard { pose, ..PoseShard::default() };
         let mut rng = self.rng("look", name, index);
-        let counts = [self.config.num_azimuths, self.config.clouds];
-        viewer.render_azimuths(object, counts, &mut shard, &mut rng)?;
+        let counts = [config.num_azimuths, config.clouds];
+        renderer.render_azimuths(object, counts, &mut shard, &mut rng)?;
         let [x, y, yaw] = pose;
-        let post = PoseTask {
-            config: &self.config,
+        let task = PoseTask {
+            config,
             name,
             grasps: &set.grasps,
             placed: PlacedObject::new(robot, object, &robot.config.object_pose(x, y, yaw)),
@@ -219,8 +223,18 @@ impl Dataset {
             index,
             rng: &|kind, index| self.rng(kind, name, index),
         };
-        post.demonstrate(&mut shard)?;
+        task.demonstrate(&mut shard)?;
         Ok(shard)
+    }
+
+    fn object(&self, name: &str) -> Result<&Object> {
+        self.objects.get(name).with_context(|| format!("no object named {name}"))
+    }
+
+    /// Independent random generator for each generated item, so that the order of the work has no effect.
+    fn rng(&self, kind: &str, name: &str, index: usize) -> ChaCha8Rng {
+        let key = format!("{} {kind} {name} {index}", self.dataset.config.seed);
+        ChaCha8Rng::from_seed(*blake3::hash(key.as_bytes()).as_bytes())
     }
 }
 
@@ -265,20 +279,4 @@ impl<'a, P: Fn(usize) -> PathBuf + Sync> FileBatch<'a, P> {
             Ok(())
         })
     }
-}
-
-fn lookup_object<'a>(objects: &'a Objects, name: &str) -> Result<&'a Object> {
-    objects.get(name).with_context(|| format!("no object named {name}"))
-}
-
-/// Loads built-in objects by name.
-pub fn built_in_objects<'a>(names: impl IntoIterator<Item = &'a str>) -> Result<Objects> {
-    names.into_iter().map(|name| Ok((name.to_owned(), built_in_object(name)?))).collect()
-}
-
-/// Loads a built-in object; the error lists the known names.
-pub fn built_in_object(name: &str) -> Result<Object> {
-    let known: Vec<&str> = objects::catalog::CATALOG.iter().map(|entry| entry.name).collect();
-    Object::from_catalog(name)
-        .with_context(|| format!("no object named {name}; known objects: {}", known.join(", ")))
 }

@@ -1,6 +1,6 @@
-//! Object poses of the dataset, their rotation about the vertical axis of the robot, and pre-grasp targets of
-//! demonstrations.
+//! Object poses of the dataset, their azimuths, and pre-grasp targets of demonstrations.
 
+use dataset::planar_pose::rotate_pose;
 use geometry::Vec3;
 use geometry::low_discrepancy::kronecker_point;
 use grasps::{RobotContext, demonstration};
@@ -17,12 +17,6 @@ pub fn low_discrepancy_pose(robot: &RobotContext, index: usize) -> [f32; 3] {
     let [x, y] = [robot.config.workspace.x, robot.config.workspace.y];
     let pi = std::f32::consts::PI;
     [x[0] + (x[1] - x[0]) * share[0], y[0] + (y[1] - y[0]) * share[1], -pi + 2.0 * pi * share[2]]
-}
-
-/// Rotates an object pose about the vertical axis of the robot by an angle (rad).
-pub fn rotate_pose([x, y, yaw]: [f32; 3], turn: f32) -> [f32; 3] {
-    let (sin, cos) = (libm::sinf(turn), libm::cosf(turn));
-    [cos * x - sin * y, sin * x + cos * y, yaw + turn]
 }
 
 /// Samples an angle (rad) that keeps the object in the workspace, uniformly.

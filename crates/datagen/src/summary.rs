@@ -1,8 +1,9 @@
 //! Statistics of the shards of an object.
 
-use crate::shard::{DemoOutcome, DemoTrial, PoseShard};
 use configs::DatasetConfig;
+use dataset::shard::{DemoOutcome, DemoTrial, PoseShard};
 use dataset_manifest::Summary;
+use grasps::demonstration::GoalError;
 use std::collections::BTreeMap;
 
 /// Counts the shards of one object.
@@ -55,7 +56,7 @@ pub(crate) fn summarize(shards: &[PoseShard], config: &DatasetConfig) -> Summary
         slip: quantiles(&|a| a.slip, [0.5, 0.9]),
         goals_reached: {
             let targets = || trials().filter(|trial| trial.is_reachable);
-            [targets().filter(|target| target.reached_goal()).count(), targets().count()]
+            [targets().filter(|target| reached_goal(target)).count(), targets().count()]
         },
         max_restarts: kept().map(|trial| trial.restarts).max().unwrap_or(0),
         max_joint_jump: shards.iter().map(|shard| shard.max_joint_jump).fold(0.0, f32::max),
@@ -75,6 +76,12 @@ fn min_fraction(
         count[1] += 1;
     }
     counts.values().map(|[has, all]| *has as f32 / *all as f32).fold(1.0, f32::min)
+}
+
+/// Whether the motion of a trial converged at the target.
+fn reached_goal(trial: &DemoTrial) -> bool {
+    let [distance, angle] = trial.goal_error.map(f64::from);
+    trial.num_frames > 0 && GoalError { distance, angle }.is_reached()
 }
 
 /// Counts pairs of outcomes by whether each of them lifted.

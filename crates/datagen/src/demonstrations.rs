@@ -1,16 +1,17 @@
 //! Demonstrations of one object pose: planned, reversed in time, and each replayed in physics.
 
 use crate::poses::shared_pregrasp;
-use crate::shard::{DemoOutcome, DemoTrial, PoseShard};
 use anyhow::{Context, Result, ensure};
 use configs::DatasetConfig;
-use grasps::demonstration::{self, Demonstration, TrajectoryConfig};
+use dataset::shard::{DemoOutcome, DemoTrial, PoseShard};
+use grasps::demonstration::{self, Demonstration, PlanFailure, TrajectoryConfig};
 use grasps::trial::{Physics, TrialOutcome, TrialProtocol};
 use grasps::{Grasp, GraspBranch, PlacedObject, Posture, lift};
 use objects::object::Object;
 use rand::{Rng, RngExt};
 use rand_chacha::ChaCha8Rng;
 use robot::{JointState, integrator};
+use scene::HoldFailure;
 use scene::config::CONTROL_DT;
 use std::collections::BTreeSet;
 
@@ -107,13 +108,13 @@ impl PoseTask<'_> {
             let object = self.placed.object;
             let above = shared_pregrasp(robot, object, self.pose, &palm, &mut rng);
             let planned = demonstration::demonstrate(&self.placed, posture, &above, &trajectories);
-            let mut trial = DemoTrial::from_plan(target, grasp, planned.as_ref());
+            let mut trial = planned_trial(target, grasp, planned.as_ref());
             trial.is_reachable = robot.can_reach(&above, posture);
             if let Ok(found) = planned {
                 check_rows(&found).with_context(|| format!("{} at {:?}", self.name, self.pose))?;
                 let brief = TrialProtocol::SHORT;
                 let outcome = found.replay(Physics::HandOnly, &self.placed, &lift, brief)?;
-                trial.outcome = DemoOutcome::from_trial_outcome(outcome);
+                trial.outcome = replay_outcome(outcome);
                 if let TrialOutcome::Lifted { slip } = outcome {
                     trial.slip = slip;
                 }
@@ -123,7 +124,7 @@ impl PoseTask<'_> {
                 }
                 if trial.outcome == DemoOutcome::Kept {
                     kept += 1;
-                    shard.push(&found);
+                    shard.push(&found.states, &found.accelerations);
                     if kept <= self.config.num_perturbed_replays {
                         let mut rng = (self.rng)("perturbed", self.index * MAX_TARGETS + target);
                         trial.perturbed = Some(self.replay_perturbed(&found, &lift, &mut rng)?);
@@ -144,7 +145,7 @@ impl PoseTask<'_> {
     ) -> Result<()> {
         let replay = |endurance| -> Result<DemoOutcome> {
             let outcome = found.replay(Physics::FullRobot, &self.placed, lift, endurance)?;
-            Ok(DemoOutcome::from_trial_outcome(outcome))
+            Ok(replay_outcome(outcome))
         };
         let shaken = replay(TrialProtocol::FULL)?;
         // A demonstration that survives the full protocol has also passed the short one.
@@ -172,7 +173,7 @@ impl PoseTask<'_> {
         let object: Object = object.clone().with_friction(friction);
         let setting = PlacedObject { object: &object, ..self.placed.at_pose(&here) };
         let outcome = found.replay(Physics::FullRobot, &setting, lift, TrialProtocol::SHORT)?;
-        Ok(DemoOutcome::from_trial_outcome(outcome))
+        Ok(replay_outcome(outcome))
     }
 
     /// Maximum joint difference (rad) between this posture and the postures for slightly shifted object
@@ -188,41 +189,60 @@ impl PoseTask<'_> {
     }
 }
 
-impl DemoTrial {
-    fn from_plan(
-        target: usize,
-        grasp: usize,
-        planned: Result<&Demonstration, &demonstration::PlanFailure>,
-    ) -> Self {
-        let none = Self {
-            target,
-            grasp,
-            outcome: DemoOutcome::NotConverged,
-            full_robot: None,
-            shaken: None,
-            perturbed: None,
-            num_frames: 0,
-            contact_row: 0,
-            restarts: 0,
-            clearance: 0.0,
-            jerk: 0.0,
-            slip: 0.0,
-            is_reachable: false,
-            goal_error: [0.0; 2],
-        };
-        match planned {
-            Err(flaw) => Self { outcome: DemoOutcome::from_plan_failure(*flaw), ..none },
-            Ok(found) => Self {
-                num_frames: found.accelerations.len(),
-                contact_row: found.contact_row,
-                restarts: found.num_restarts,
-                clearance: found.clearance,
-                jerk: integrator::rms_jerk(&found.accelerations[..found.contact_row], CONTROL_DT)
-                    as f32,
-                goal_error: [found.goal_error.distance as f32, found.goal_error.angle as f32],
-                ..none
-            },
+/// A trial with the results of planning.
+fn planned_trial(
+    target: usize,
+    grasp: usize,
+    planned: Result<&Demonstration, &PlanFailure>,
+) -> DemoTrial {
+    let none = DemoTrial {
+        target,
+        grasp,
+        outcome: DemoOutcome::NotConverged,
+        full_robot: None,
+        shaken: None,
+        perturbed: None,
+        num_frames: 0,
+        contact_row: 0,
+        restarts: 0,
+        clearance: 0.0,
+        jerk: 0.0,
+        slip: 0.0,
+        is_reachable: false,
+        goal_error: [0.0; 2],
+    };
+    match planned {
+        Err(flaw) => DemoTrial { outcome: planning_outcome(*flaw), ..none },
+        Ok(found) => DemoTrial {
+            num_frames: found.accelerations.len(),
+            contact_row: found.contact_row,
+            restarts: found.num_restarts,
+            clearance: found.clearance,
+            jerk: integrator::rms_jerk(&found.accelerations[..found.contact_row], CONTROL_DT)
+                as f32,
+            goal_error: [found.goal_error.distance as f32, found.goal_error.angle as f32],
+            ..none
+        },
+    }
+}
+
+fn planning_outcome(failure: PlanFailure) -> DemoOutcome {
+    match failure {
+        PlanFailure::NotConverged => DemoOutcome::NotConverged,
+        PlanFailure::TooShort => DemoOutcome::TooShort,
+        PlanFailure::Collision => DemoOutcome::Collision,
+    }
+}
+
+fn replay_outcome(outcome: TrialOutcome) -> DemoOutcome {
+    match outcome {
+        TrialOutcome::Lifted { .. } => DemoOutcome::Kept,
+        TrialOutcome::Failed(HoldFailure::Slipped) => DemoOutcome::Slipped,
+        TrialOutcome::Failed(HoldFailure::TooLow) => DemoOutcome::TooLow,
+        TrialOutcome::Failed(HoldFailure::ForeignContact | HoldFailure::NoContact) => {
+            DemoOutcome::ForeignContact
         }
+        TrialOutcome::NotFinite => DemoOutcome::NotFinite,
     }
 }
 

@@ -1,33 +1,28 @@
 //! Assembles the shards of a dataset into rows, episodes, tables of trials and poses, summary and manifest.
 
-use crate::dataset::{CLOUD_BLOCK, Dataset};
-use crate::generate::{FileBatch, Objects, Progress};
-use crate::lerobot::{self, ACTION_DIM, ColumnStats, EpisodeIndex, data_file_path};
-use crate::manifest::{self, SHARDS_DIR};
-use crate::parquet_io::{self, Column, Columns};
-use crate::shard::{CLOUD_POINTS, DemoOutcome, DemoTrial, PoseShard, STATE_DIM};
+use crate::generate::{FileBatch, Generator, provenance};
 use crate::summary::summarize;
 use anyhow::{Context, Result};
+use dataset::dataset::CLOUD_BLOCK;
+use dataset::lerobot::{self, ACTION_DIM, ColumnStats, EpisodeIndex, data_file_path};
+use dataset::manifest;
+use dataset::parquet_io::{self, Column, Columns};
+use dataset::shard::{CLOUD_POINTS, DemoOutcome, DemoTrial, PoseShard, STATE_DIM};
 use dataset_manifest::{SUMMARY_FILE, Summary};
 use files::{atomic_file, tensors};
-use grasps::RobotContext;
 use robot::DOF;
 use std::collections::BTreeMap;
 
-impl Dataset {
+impl Generator<'_> {
     /// Writes all files except the shards, the manifest last.
-    pub(crate) fn assemble(
-        &self,
-        robot: &RobotContext,
-        objects: &Objects,
-        progress: &dyn Progress,
-    ) -> Result<()> {
-        let names = &self.config.objects;
+    pub(crate) fn assemble(&self) -> Result<()> {
+        let (dir, config) = (&self.dataset.dir, &self.dataset.config);
+        let names = &config.objects;
         let mut stats = [ColumnStats::new(STATE_DIM), ColumnStats::new(ACTION_DIM)];
         // Shards without rows and clouds, as needed for the tables; the rows stay on disk.
         let mut shards = Vec::new();
         for name in names {
-            for index in 0..self.config.poses {
+            for index in 0..config.poses {
                 let mut shard = self.read_shard(name, index)?;
                 stats[0].add(&shard.states, STATE_DIM, 0);
                 stats[1].add(&shard.accelerations, DOF, 0);
@@ -38,23 +33,23 @@ impl Dataset {
             }
         }
         let episodes = self.index_episodes(&shards);
-        self.write_rows(&episodes, progress)?;
+        self.write_rows(&episodes)?;
         self.write_clouds()?;
-        lerobot::write_meta(&self.dir, &robot.tree, names, &episodes, &stats)?;
-        let by_object = || names.iter().zip(shards.chunks(self.config.poses));
+        lerobot::write_meta(dir, &self.robot.tree, names, &episodes, &stats)?;
+        let by_object = || names.iter().zip(shards.chunks(config.poses));
         let trials = by_object().map(|(name, shards)| Ok(trial_columns(name, shards)));
-        parquet_io::write(&self.dir.join("attempts.parquet"), trials, None)?;
+        parquet_io::write(&dir.join("attempts.parquet"), trials, None)?;
         let poses = by_object().map(|(name, shards)| Ok(pose_columns(name, shards)));
-        parquet_io::write(&self.dir.join("poses.parquet"), poses, None)?;
+        parquet_io::write(&dir.join("poses.parquet"), poses, None)?;
         let summary: BTreeMap<&String, Summary> =
-            by_object().map(|(name, shards)| (name, summarize(shards, &self.config))).collect();
-        atomic_file::write(&self.dir.join(SUMMARY_FILE), &serde_json::to_vec_pretty(&summary)?)?;
-        let manifest = manifest::build(&self.dir, &self.config, objects)?;
-        manifest::write(&manifest, &self.dir)
+            by_object().map(|(name, shards)| (name, summarize(shards, config))).collect();
+        atomic_file::write(&dir.join(SUMMARY_FILE), &serde_json::to_vec_pretty(&summary)?)?;
+        let manifest = manifest::build(dir, provenance(config, self.objects))?;
+        manifest::write(&manifest, dir)
     }
 
     fn read_shard(&self, name: &str, index: usize) -> Result<PoseShard> {
-        let path = self.shard_path(name, index);
+        let path = self.dataset.shard_path(name, index);
         let bytes = atomic_file::read(&path)?;
         let hint = "delete it and resume";
         PoseShard::decode(&bytes).with_context(|| format!("{} is damaged; {hint}", path.display()))
@@ -64,8 +59,8 @@ impl Dataset {
     fn index_episodes<'a>(&self, shards: &'a [PoseShard]) -> Vec<EpisodeIndex<'a>> {
         let (mut episodes, mut row) = (Vec::new(), 0);
         for (i, shard) in shards.iter().enumerate() {
-            let (object, pose) = (i / self.config.poses, i % self.config.poses);
-            let file = self.file_index(object, pose);
+            let (object, pose) = (i / self.dataset.config.poses, i % self.dataset.config.poses);
+            let file = self.dataset.file_index(object, pose);
             for (span, trial) in shard.offsets.windows(2).zip(shard.kept()) {
                 let rows = [row, span[1] - span[0]];
                 episodes.push(EpisodeIndex { object, pose, shard, trial, file, rows });
@@ -76,7 +71,7 @@ impl Dataset {
     }
 
     /// Writes the rows of all demonstrations, with one row group per pose.
-    fn write_rows(&self, episodes: &[EpisodeIndex], progress: &dyn Progress) -> Result<()> {
+    fn write_rows(&self, episodes: &[EpisodeIndex]) -> Result<()> {
         let mut files: BTreeMap<usize, Vec<[usize; 4]>> = BTreeMap::new();
         for (number, episode) in episodes.iter().enumerate() {
             // The row group of a pose starts with its first episode.
@@ -87,10 +82,10 @@ impl Dataset {
             }
         }
         let files: Vec<_> = files.into_iter().collect();
-        let path = |i: usize| data_file_path(&self.dir, files[i].0);
-        FileBatch::new("Parquet files", files.len(), progress, path).write_files(|i, path| {
+        let path = |i: usize| data_file_path(&self.dataset.dir, files[i].0);
+        FileBatch::new("Parquet files", files.len(), self.progress, path).write_files(|i, path| {
             let groups = files[i].1.iter().map(|&[object, pose, episode, row]| {
-                let shard = self.read_shard(&self.config.objects[object], pose)?;
+                let shard = self.read_shard(&self.dataset.config.objects[object], pose)?;
                 Ok(lerobot::frame_columns(&shard, object, episode, row))
             });
             parquet_io::write(path, groups, None)
@@ -99,15 +94,15 @@ impl Dataset {
 
     /// Writes the clouds of all object poses.
     fn write_clouds(&self) -> Result<()> {
-        let (turns, clouds) = (self.config.num_azimuths, self.config.clouds);
-        for name in &self.config.objects {
-            for block in 0..self.config.poses.div_ceil(CLOUD_BLOCK) {
-                let path = self.pose_clouds_path(name, block);
+        let (turns, clouds) = (self.dataset.config.num_azimuths, self.dataset.config.clouds);
+        for name in &self.dataset.config.objects {
+            for block in 0..self.dataset.config.poses.div_ceil(CLOUD_BLOCK) {
+                let path = self.dataset.pose_clouds_path(name, block);
                 if path.exists() {
                     continue;
                 }
                 let first = block * CLOUD_BLOCK;
-                let last = (first + CLOUD_BLOCK).min(self.config.poses);
+                let last = (first + CLOUD_BLOCK).min(self.dataset.config.poses);
                 let (mut noisy, mut clean, mut azimuths, mut poses) = Default::default();
                 for index in first..last {
                     let shard = self.read_shard(name, index)?;
@@ -128,16 +123,6 @@ impl Dataset {
                 )?;
                 atomic_file::write(&path, &bytes)?;
             }
-        }
-        Ok(())
-    }
-
-    /// Deletes the shards, which a complete dataset does not need.
-    pub(crate) fn delete_shards(&self) -> Result<()> {
-        let folder = self.dir.join(SHARDS_DIR);
-        if folder.exists() {
-            std::fs::remove_dir_all(&folder)
-                .with_context(|| format!("cannot delete {}", folder.display()))?;
         }
         Ok(())
     }

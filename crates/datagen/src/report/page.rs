@@ -1,15 +1,15 @@
 //! Report of a dataset as one self-contained HTML page.
 
-use crate::dataset::Dataset;
-use crate::generate::Objects;
-use crate::parquet_io;
+use crate::generate::read_grasps;
 use crate::report::charts::{self, PosePoint};
 use crate::report::grasp_figure;
 use anyhow::{Context, Result};
+use dataset::{Dataset, parquet_io};
 use dataset_manifest::{Manifest, Summary};
 use files::svg::escape_xml;
 use geometry::Vec3;
 use grasps::RobotContext;
+use objects::catalog::Objects;
 use robot::{DOF, JointVector, rotation};
 use std::fmt::Write;
 
@@ -45,7 +45,7 @@ pub fn render_page(dataset: &Dataset, robot: &RobotContext, objects: &Objects) -
             summary.get(name).with_context(|| format!("the summary has no counts of {name}"))?;
         writeln!(page, "<h2>{}</h2>{}", escape_xml(&name.replace('_', " ")), counts_table(counts))?;
         if let Some(object) = objects.get(name) {
-            let set = dataset.read_grasps(name)?;
+            let set = read_grasps(dataset, name)?;
             let drawn = set.grasps.iter().enumerate().map(|(i, grasp)| {
                 let poses = counts.grasps.get(&i).copied().unwrap_or(0);
                 grasp_figure::draw_grasp(robot, object, grasp, i, poses)

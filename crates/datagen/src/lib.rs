@@ -1,0 +1,14 @@
+//! Generates datasets: grasps, demonstrations that lift the object in replay, and point clouds (paper §II-A).
+//!
+//! In: objects and a configuration. Out: a folder that crate `dataset` reads, and an HTML report. Does not
+//! depend on neural networks.
+
+mod assemble;
+mod clouds;
+mod demonstrations;
+mod generate;
+pub mod poses;
+pub mod report;
+mod summary;
+
+pub use generate::{NoProgress, Progress, create, generate, provenance, read_grasps};
