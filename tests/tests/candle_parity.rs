@@ -3,10 +3,10 @@
 use configs::DatasetConfig;
 use datagen::NoProgress;
 use grasps::RobotContext;
-use imitation::encoder::TrainedEncoder;
+use imitation::data::split;
+use imitation::models::encoder::TrainedEncoder;
 use imitation::nn::Params;
-use imitation::nn::network::{self, Network};
-use imitation::split;
+use imitation::nn::networks::network::{self, Network};
 use objects::catalog::built_in_objects;
 use policy::model::ModelConfig;
 use policy::weights::Tensors;

@@ -1,9 +1,9 @@
 //! Quality of demonstrations as training data: postures vary smoothly with the object pose, and
 //! trajectories reach their goals with low jerk.
 
-use grasps::catalog::catalog_grasps;
-use grasps::demonstration::{self, TrajectoryConfig};
-use grasps::object_poses::sample_planar_pose;
+use grasps::plan::demonstration::{self, TrajectoryConfig};
+use grasps::plan::object_poses::sample_planar_pose;
+use grasps::set::catalog::catalog_grasps;
 use grasps::{PlacedObject, RobotContext};
 use objects::object::Object;
 use rand::SeedableRng;

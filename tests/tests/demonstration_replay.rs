@@ -2,10 +2,11 @@
 
 use datagen::poses::low_discrepancy_pose;
 use dataset::planar_pose::rotate_pose;
-use grasps::catalog::catalog_grasps;
-use grasps::demonstration::{self, Demonstration, TrajectoryConfig};
-use grasps::trial::{Physics, TrialOutcome, TrialProtocol};
-use grasps::{PlacedObject, Posture, RobotContext, lift};
+use grasps::plan::demonstration::{self, Demonstration, TrajectoryConfig};
+use grasps::plan::lift;
+use grasps::search::trial::{Physics, TrialOutcome, TrialProtocol};
+use grasps::set::catalog::catalog_grasps;
+use grasps::{PlacedObject, Posture, RobotContext};
 use objects::object::Object;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;

@@ -1,9 +1,11 @@
 //! The hand holds a box at rest and while shaken, in the scene of the attempt protocol.
 
 use geometry::Pose;
-use grasps::catalog::catalog_grasps;
-use grasps::object_poses::PlannedGrasp;
-use grasps::{Grasp, PlacedObject, Posture, RobotContext, lift, trial};
+use grasps::plan::lift;
+use grasps::plan::object_poses::PlannedGrasp;
+use grasps::search::trial;
+use grasps::set::catalog::catalog_grasps;
+use grasps::{Grasp, PlacedObject, Posture, RobotContext};
 use objects::object::Object;
 use robot::{JointState, JointVector, integrator};
 use scene::config::CONTROL_DT;

@@ -4,11 +4,13 @@
 use candle_core::{Device, Tensor};
 use configs::Gains;
 use geometry::Vec3;
-use imitation::backward::Loss;
-use imitation::data_parallel::Gradient;
-use imitation::expert;
-use imitation::loss::joint_and_fingertip_error;
-use imitation::nn::{self, Params, autoencoder, chamfer::Chamfer};
+use imitation::nn::Params;
+use imitation::nn::networks::{acceleration_mlp as trained_mlp, autoencoder, network};
+use imitation::nn::ops::chamfer::Chamfer;
+use imitation::train::backward::Loss;
+use imitation::train::data_parallel::Gradient;
+use imitation::train::expert;
+use imitation::train::loss::joint_and_fingertip_error;
 use policy::acceleration_mlp::{self, AccelerationMlp, AccelerationMlpConfig};
 use policy::encoder::{
     CLOUD_POINTS, DECODER_WIDTHS, Decoder, Encoder, GLOBAL_WIDTHS, LATENT_DIM, LOCAL_WIDTHS,
@@ -109,14 +111,14 @@ fn batch() -> (Vec<JointState>, Vec<f32>) {
 }
 
 /// Configuration, parameters and training network of the golden policy.
-fn ngf() -> (NgfConfig, Params, nn::network::Network) {
+fn ngf() -> (NgfConfig, Params, network::Network) {
     let config: NgfConfig = serde_json::from_value(golden("policy")["config"].clone()).unwrap();
     let mut params = Params::default();
     SUBNETWORKS.iter().for_each(|part| add_layers(&mut params, part.name, &part.widths(&config)));
     let network = NetworkConfig::Ngf(config.clone());
     let policy = PolicyConfig { observation: ObservationKind::Cloud, network };
     let limits = KinematicTree::iiwa7_allegro().unwrap().limits;
-    (config, params, nn::network::Network::new(&policy, &limits).unwrap())
+    (config, params, network::Network::new(&policy, &limits).unwrap())
 }
 
 /// Gradient of a weighted sum of the network's accelerations.
@@ -195,8 +197,7 @@ fn acceleration_mlps_match_pytorch() {
         let bytes = params.export(&[]).unwrap();
         let tensors = Tensors::parse(&bytes).unwrap();
         let runs = AccelerationMlp::load(&tensors, &config, LATENT_DIM, &limits).unwrap();
-        let twin =
-            nn::acceleration_mlp::AccelerationMlp::new(&config, LATENT_DIM, &limits).unwrap();
+        let twin = trained_mlp::AccelerationMlp::new(&config, LATENT_DIM, &limits).unwrap();
         let made = twin.accelerations(&params, &states, &latents).unwrap();
         let rows = made.to_vec2::<f32>().unwrap();
         for (i, (state, z)) in states.iter().zip(&latents).enumerate() {

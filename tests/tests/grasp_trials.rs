@@ -1,11 +1,12 @@
 //! Shipped grasps lift in simulation, also with small object pose errors.
 
-use grasps::catalog::catalog_grasps;
-use grasps::object_poses::PlannedGrasp;
-use grasps::robustness::{self, SimilarObject};
-use grasps::symmetry::expand_by_symmetry;
-use grasps::trial::{Physics, TrialOutcome, TrialProtocol};
-use grasps::{Grasp, PlacedObject, RobotContext, lift};
+use grasps::plan::lift;
+use grasps::plan::object_poses::PlannedGrasp;
+use grasps::search::robustness::{self, SimilarObject};
+use grasps::search::trial::{Physics, TrialOutcome, TrialProtocol};
+use grasps::set::catalog::catalog_grasps;
+use grasps::set::symmetry::expand_by_symmetry;
+use grasps::{Grasp, PlacedObject, RobotContext};
 use objects::object::Object;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

@@ -2,8 +2,8 @@
 //! of imported meshes.
 
 use geometry::Vec3;
-use grasps::catalog::catalog_grasps;
-use grasps::k_medoids;
+use grasps::set::catalog::catalog_grasps;
+use grasps::set::k_medoids;
 use objects::import::{self, ImportOptions, OrientationReason};
 use objects::object::Object;
 use objects::shape_variant::ShapeVariant;

@@ -3,12 +3,12 @@
 use configs::{AutoencoderConfig, DaggerConfig, DatasetConfig};
 use datagen::NoProgress;
 use grasps::RobotContext;
-use imitation::autoencoder;
-use imitation::callback::TrainingStatus;
-use imitation::dagger;
-use imitation::demo_group::DemoGroup;
-use imitation::encoder::TrainedEncoder;
-use imitation::split;
+use imitation::data::demo_group::DemoGroup;
+use imitation::data::split;
+use imitation::models::encoder::TrainedEncoder;
+use imitation::train::autoencoder;
+use imitation::train::callback::TrainingStatus;
+use imitation::train::dagger;
 use objects::catalog::built_in_objects;
 use objects::object::Object;
 use policy::{ObservationKind, PolicyConfig};
@@ -58,7 +58,7 @@ fn tiny_model_is_trained_resumed_and_executed() {
     .unwrap()
     .unwrap();
     assert!(losses.len() == 1 && losses[0].is_finite(), "{losses:?}");
-    imitation::export::write_model(&out, &encoder, &params, &steps, &train).unwrap();
+    imitation::models::export::write_model(&out, &encoder, &params, &steps, &train).unwrap();
 
     // An interrupted and resumed run gives the same weights as an uninterrupted one.
     let stopped = folder.path().join("stopped");

@@ -4,9 +4,10 @@ use crate::poses::shared_pregrasp;
 use anyhow::{Context, Result, ensure};
 use configs::DatasetConfig;
 use dataset::shard::{DemoOutcome, DemoTrial, PoseShard};
-use grasps::demonstration::{self, Demonstration, PlanFailure, TrajectoryConfig};
-use grasps::trial::{Physics, TrialOutcome, TrialProtocol};
-use grasps::{Grasp, GraspBranch, PlacedObject, Posture, lift};
+use grasps::plan::demonstration::{self, Demonstration, PlanFailure, TrajectoryConfig};
+use grasps::plan::lift;
+use grasps::search::trial::{Physics, TrialOutcome, TrialProtocol};
+use grasps::{Grasp, GraspBranch, PlacedObject, Posture};
 use objects::object::Object;
 use rand::{Rng, RngExt};
 use rand_chacha::ChaCha8Rng;
@@ -259,7 +260,7 @@ fn check_rows(found: &Demonstration) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use grasps::demonstration::GoalError;
+    use grasps::plan::demonstration::GoalError;
     use rand::SeedableRng;
     use robot::JointVector;
 
@@ -267,7 +268,7 @@ mod tests {
     fn neighbor_branches_contain_both_grasps_when_preferred_grasp_changes() {
         let robot = grasps::RobotContext::standard().unwrap();
         let object = Object::from_catalog("bleach").unwrap();
-        let grasps = grasps::catalog::catalog_grasps("bleach").unwrap().grasps;
+        let grasps = grasps::set::catalog::catalog_grasps("bleach").unwrap().grasps;
         let config = DatasetConfig::preset("variants", 0).unwrap();
         let anywhere = PlacedObject::at_origin(&robot, &object);
         // The preferred grasp at a yaw, and the preferred grasps of the neighboring poses.

@@ -3,7 +3,8 @@
 use dataset::planar_pose::rotate_pose;
 use geometry::Vec3;
 use geometry::low_discrepancy::kronecker_point;
-use grasps::{RobotContext, demonstration};
+use grasps::RobotContext;
+use grasps::plan::demonstration;
 use objects::object::Object;
 use rand::{Rng, RngExt};
 use robot::{Isometry, rotation};

@@ -3,7 +3,7 @@
 use configs::DatasetConfig;
 use dataset::shard::{DemoOutcome, DemoTrial, PoseShard};
 use dataset_manifest::Summary;
-use grasps::demonstration::GoalError;
+use grasps::plan::demonstration::GoalError;
 use std::collections::BTreeMap;
 
 /// Counts the shards of one object.

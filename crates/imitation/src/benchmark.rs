@@ -2,14 +2,15 @@
 //! contains the expert, the fingertip loss and the rollout; they are excluded here and in the PyTorch
 //! baseline.
 
-use crate::autoencoder::{self, Example};
-use crate::backward::{self, Batch, Loss};
-use crate::data_parallel::differentiate;
+use crate::data::shape_moments::NUM_MOMENTS;
+use crate::nn::Params;
 use crate::nn::adam::AdamW;
-use crate::nn::network::{self, Network, NetworkOutput};
-use crate::nn::ngf::TrainableSet;
-use crate::nn::{Params, autoencoder as net};
-use crate::shape_moments::NUM_MOMENTS;
+use crate::nn::networks::autoencoder as net;
+use crate::nn::networks::network::{self, Network, NetworkOutput};
+use crate::nn::networks::ngf::TrainableSet;
+use crate::train::autoencoder::{self, Example};
+use crate::train::backward::{self, Batch, Loss};
+use crate::train::data_parallel::differentiate;
 use anyhow::{Context, Result};
 use candle_core::{Device, Tensor};
 use configs::{AutoencoderConfig, DaggerConfig};

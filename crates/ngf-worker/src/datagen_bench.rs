@@ -2,10 +2,11 @@
 
 use crate::bench::Row;
 use anyhow::{Context, Result};
-use grasps::catalog::catalog_grasps;
-use grasps::demonstration::{self, Demonstration, TrajectoryConfig};
-use grasps::trial::{self, Physics, TrialProtocol};
-use grasps::{PlacedObject, Posture, RobotContext, lift, object_poses};
+use grasps::plan::demonstration::{self, Demonstration, TrajectoryConfig};
+use grasps::plan::{lift, object_poses};
+use grasps::search::trial::{self, Physics, TrialProtocol};
+use grasps::set::catalog::catalog_grasps;
+use grasps::{PlacedObject, Posture, RobotContext};
 use objects::object::Object;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;

@@ -5,12 +5,14 @@ use crate::progress_bar::Bar;
 use crate::result_cache::ResultCache;
 use anyhow::{Context, Result, bail};
 use files::atomic_file;
-use grasps::clusters::ScoredGrasp;
-use grasps::import::GraspFile;
-use grasps::object_poses::{NUM_COVERAGE_POSES, coverage};
-use grasps::robustness::SimilarObject;
+use grasps::plan::object_poses::{NUM_COVERAGE_POSES, coverage};
+use grasps::search::robustness;
+use grasps::search::robustness::SimilarObject;
 use grasps::search::{SearchConfig, refine_around, search, try_imported};
-use grasps::{GraspSet, RobotContext, robustness, selection};
+use grasps::set::clusters::ScoredGrasp;
+use grasps::set::import::GraspFile;
+use grasps::set::selection;
+use grasps::{GraspSet, RobotContext};
 use objects::object::Object;
 use rayon::prelude::*;
 use robot::Isometry;
@@ -241,7 +243,7 @@ impl GraspSelector<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use grasps::catalog::catalog_grasps;
+    use grasps::set::catalog::catalog_grasps;
 
     #[test]
     fn candidates_and_grasp_sets_are_read_and_other_files_rejected() {

@@ -2,7 +2,7 @@
 
 use crate::demonstration_library::DemonstrationLibrary;
 use crate::recording::RecordedTrajectory;
-use grasps::grasp::Grasp;
+use grasps::set::grasp::Grasp;
 use robot::JointState;
 use std::sync::Arc;
 

@@ -1,8 +1,8 @@
 //! Test fixtures.
 
 use grasps::PlacedObject;
-use grasps::catalog::catalog_grasps;
-use grasps::demonstration::{self, Demonstration, TrajectoryConfig};
+use grasps::plan::demonstration::{self, Demonstration, TrajectoryConfig};
+use grasps::set::catalog::catalog_grasps;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 

@@ -6,7 +6,7 @@ use crate::controller::Controller;
 use crate::outcome::{FailureReason, Outcome};
 use crate::recording::RecordedTrajectory;
 use crate::rollout_context::RolloutContext;
-use grasps::lift;
+use grasps::plan::lift;
 use robot::JointState;
 use scene::config::CONTROL_DT;
 use scene::{HoldFailure, HoldMonitor, Simulation};

@@ -1,8 +1,8 @@
 //! AdamW in one pass over parameters, moments and partial gradients, with a serialisable state.
 
-use super::Params;
-use super::storage::contiguous;
-use crate::data_parallel::{Gradient, Gradients, parallel_map};
+use crate::nn::Params;
+use crate::nn::ops::storage::contiguous;
+use crate::train::data_parallel::{Gradient, Gradients, parallel_map};
 use anyhow::Result;
 use candle_core::{CpuStorage, InplaceOp1, Layout, Storage, Tensor, Var};
 use policy::simd::with_simd;

@@ -2,28 +2,15 @@
 //!
 //! Weights have the names and shapes that `policy` reads.
 
-pub mod acceleration_mlp;
 pub mod adam;
-pub mod autoencoder;
-pub mod chamfer;
-pub mod elu_backward;
-pub mod fourier;
-pub mod grad_accumulator;
-#[cfg(test)]
-mod gradcheck;
-pub mod head;
-pub mod linear;
-pub mod linear_max_pool;
-pub mod matmul_nt;
-pub mod network;
-pub mod ngf;
+pub mod networks;
+pub mod ops;
 pub mod params;
-mod storage;
 
 pub use params::Params;
 
 use candle_core::{Result, Tensor};
-use linear::LinearAct;
+use ops::linear::LinearAct;
 use policy::mlp::Activation;
 
 /// Layer f(xW + b) on a batch, x (B, inputs), W (inputs, outputs).

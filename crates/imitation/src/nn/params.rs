@@ -1,7 +1,7 @@
 //! Trainable parameters: named tensors shared between threads, with separate gradient accumulators per
 //! thread.
 
-use super::grad_accumulator::GradAccumulator;
+use crate::nn::ops::grad_accumulator::GradAccumulator;
 use anyhow::Result;
 use candle_core::backprop::GradStore;
 use candle_core::{Device, Tensor, Var};

@@ -2,7 +2,7 @@
 
 use crate::job_client;
 use anyhow::{Context, Result};
-use imitation::callback::{TrainingCallback, TrainingStatus};
+use imitation::train::callback::{TrainingCallback, TrainingStatus};
 use serde_json::{Value, json};
 use std::fs::{File, OpenOptions};
 use std::io::Write;

@@ -3,9 +3,9 @@
 use anyhow::Result;
 use evaluation::evaluate;
 use evaluation::percentiles::MedianP90;
-use imitation::demo_group::DemoGroup;
-use imitation::export::ModelFiles;
-use imitation::kinematic_rollout::{fingertip_errors, max_damping_rate};
+use imitation::data::demo_group::DemoGroup;
+use imitation::models::export::ModelFiles;
+use imitation::validate::kinematic_rollout::{fingertip_errors, max_damping_rate};
 use objects::catalog::built_in_object;
 use objects::object::Object;
 use policy::weights::Tensors;

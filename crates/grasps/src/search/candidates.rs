@@ -1,0 +1,217 @@
+//! Candidates: palm poses around an object from which closing the hand may give a grasp.
+
+use crate::RobotContext;
+use crate::search::closing::{self, ClosingConfig};
+use crate::search::contact_forces::{self, SqueezeConfig};
+use crate::set::grasp::{Grasp, object_shapes, table_shape};
+use geometry::convex_shape::ConvexShape;
+use geometry::{Pose, Vec3};
+use objects::object::Object;
+use rand::{Rng, RngExt};
+use robot::{ARM_DOF, DOF, HAND_DOF, HandModel, Isometry, Vector, rotation};
+use scene::SceneConfig;
+
+/// How candidates are sampled, closed and rejected.
+#[derive(Clone, Debug)]
+pub struct CandidateConfig {
+    /// Hand joints (rad) before closing.
+    pub pregrasp: [f64; HAND_DOF],
+    /// Point of the palm frame (m) that is placed in the object.
+    pub grasp_center: [f64; 3],
+    /// Maximum lateral offset of that point from the object's axis, as a fraction of the bounding box's half
+    /// extents.
+    pub lateral_range: f64,
+    /// Maximum angle (rad) of the palm's normal from straight down.
+    pub max_tilt: f64,
+    /// Step (m) by which a colliding palm backs off along its normal.
+    pub backoff: f64,
+    /// Maximum number of such steps.
+    pub max_backoff_steps: usize,
+    /// Minimum distance (m) of the open hand from object and table.
+    pub min_clearance: f32,
+    /// Maximum wrench residual of the squeeze (dimensionless).
+    pub max_residual: f64,
+    /// Minimum force margin of the squeeze (dimensionless).
+    pub min_force_margin: f64,
+    /// Flexion of the fingers; each candidate samples its own proportions.
+    pub closing: ClosingConfig,
+    /// Contact forces and squeeze posture.
+    pub squeeze: SqueezeConfig,
+}
+
+impl CandidateConfig {
+    /// Our values; the paper uses grasps of a published dataset as candidates.
+    pub fn standard(scene: &SceneConfig, hand: &HandModel) -> Self {
+        Self {
+            pregrasp: scene.robot.open,
+            grasp_center: hand.grasp.center,
+            lateral_range: 0.5,
+            max_tilt: 1.5,
+            backoff: 0.004,
+            max_backoff_steps: 12,
+            min_clearance: 0.002,
+            max_residual: 0.05,
+            min_force_margin: 1.0,
+            closing: ClosingConfig {
+                finger_rates: hand.closing.finger_rates,
+                thumb_rates: hand.closing.thumb_rates,
+                step: 0.01,
+                contact_distance: 0.0005,
+            },
+            squeeze: SqueezeConfig {
+                min_force: hand.squeeze.min_force,
+                friction: 0.7,
+                stiffness: f64::from(scene.motors.hand_stiffness),
+                max_torque: hand.squeeze.max_torque,
+                squeeze_gain: hand.squeeze.gain,
+            },
+        }
+    }
+}
+
+/// Why a candidate is rejected.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Rejection {
+    /// The open hand collides with object or table.
+    Collision,
+    /// The thumb, or two of the three fingers, miss the object.
+    TooFewContacts,
+    /// The contact forces do not balance.
+    Unbalanced,
+    /// The motors cannot press hard enough for the object's weight.
+    TooHeavy,
+}
+
+/// The object of a search, at the origin, with the table in the same frame.
+pub struct SearchTarget<'a> {
+    object: &'a Object,
+    shapes: Vec<ConvexShape>,
+    table: ConvexShape,
+}
+
+impl<'a> SearchTarget<'a> {
+    /// Places the object on the table of the scene.
+    pub fn new(object: &'a Object, scene: &SceneConfig) -> Self {
+        let mut table = table_shape(scene);
+        // The frame of an object at the centre of the table.
+        table.pose.translation = -Vec3::Z * scene.table.half_extents[2];
+        Self { object, shapes: object_shapes(object, &Pose::IDENTITY), table }
+    }
+}
+
+/// Evaluates one candidate: backs the open palm off the object, closes the hand and balances the contact
+/// forces.
+///
+/// `rng` samples the proportions in which the finger joints close.
+pub fn evaluate_candidate(
+    robot: &RobotContext,
+    target: &SearchTarget,
+    config: &CandidateConfig,
+    mut object_from_palm: Isometry,
+    rng: &mut impl Rng,
+) -> Result<(Grasp, contact_forces::Squeeze), Rejection> {
+    let RobotContext { tree, collision_model: robot, .. } = robot;
+    let pregrasp = robot::joint_vector(&[0.0; ARM_DOF], &config.pregrasp);
+    // The hand is fixed; object and table are moved to it.
+    let kinematics = tree.forward_kinematics(&pregrasp);
+    let palm = kinematics.palm_pose();
+    let transform = |object_from_palm: &Isometry| {
+        let world_from_object = rotation::to_pose(&(palm * object_from_palm.inverse()));
+        let moved = |shape: &ConvexShape| shape.transformed(&world_from_object);
+        let shapes: Vec<ConvexShape> = target.shapes.iter().map(moved).collect();
+        (world_from_object, shapes)
+    };
+    let gap_to = |shapes: &[ConvexShape]| {
+        let gaps = (ARM_DOF..=DOF).map(|body| robot.body_distance(&kinematics, body, shapes, 0.01));
+        gaps.fold(f32::INFINITY, f32::min)
+    };
+    let (mut world_from_object, mut shapes) = transform(&object_from_palm);
+    let mut steps = config.max_backoff_steps;
+    while gap_to(&shapes) < config.min_clearance {
+        if steps == 0 {
+            return Err(Rejection::Collision);
+        }
+        steps -= 1;
+        object_from_palm *= Isometry::translation(-config.backoff, 0.0, 0.0);
+        (world_from_object, shapes) = transform(&object_from_palm);
+    }
+    if gap_to(&[target.table.transformed(&world_from_object)]) < config.min_clearance {
+        return Err(Rejection::Collision);
+    }
+    let closing = sample_closing(&config.closing, rng);
+    let closed = closing::close_hand(tree, robot, &pregrasp, &shapes, &closing);
+    let [index, middle, ring, thumb] = closed.contacts.map(|c| c.is_some());
+    if !thumb || [index, middle, ring].iter().filter(|touches| **touches).count() < 2 {
+        return Err(Rejection::TooFewContacts);
+    }
+    let squeeze = contact_forces::compute_squeeze(
+        tree,
+        &pregrasp,
+        &closed,
+        target.object,
+        &world_from_object,
+        &config.squeeze,
+    )
+    .ok_or(Rejection::TooFewContacts)?;
+    if squeeze.wrench_residual > config.max_residual {
+        return Err(Rejection::Unbalanced);
+    }
+    if squeeze.force_margin < config.min_force_margin {
+        return Err(Rejection::TooHeavy);
+    }
+    let grasp = Grasp {
+        cluster: 0,
+        object_from_palm,
+        pregrasp: config.pregrasp,
+        grasp: closed.hand,
+        squeeze: squeeze.hand,
+    };
+    Ok((grasp, squeeze))
+}
+
+/// Samples the proportions in which the joints of a finger share the closing motion.
+fn sample_closing(config: &ClosingConfig, rng: &mut impl Rng) -> ClosingConfig {
+    let mut draw = |rates: [f64; 3]| rates.map(|rate| rate * rng.random_range(0.4..1.3));
+    ClosingConfig {
+        finger_rates: draw(config.finger_rates),
+        thumb_rates: draw(config.thumb_rates),
+        ..*config
+    }
+}
+
+/// Samples a palm pose near `pose`: up to `shift` (m) along and `turn` (rad) about each of its axes.
+pub fn perturb_palm(pose: &Isometry, shift: f64, turn: f64, rng: &mut impl Rng) -> Isometry {
+    let mut draw = |reach: f64| [0; 3].map(|_| rng.random_range(-reach..=reach));
+    let (shift, turn) = (draw(shift), draw(turn));
+    pose * Isometry::from_parts(Vector::from(shift).into(), rotation::from_rpy(turn))
+}
+
+/// Samples a palm pose whose grasp centre is inside the object and whose normal points down to sideways.
+pub fn sample_palm(object: &Object, config: &CandidateConfig, rng: &mut impl Rng) -> Isometry {
+    let [min, max] = object.bounds.map(rotation::to_vector);
+    let (middle, half) = ((min + max) * 0.5, (max - min) * 0.5);
+    let mut draw = |reach: f64| rng.random_range(-reach..=reach);
+    let offset = Vector::new(draw(config.lateral_range), draw(config.lateral_range), draw(0.9));
+    let point = middle + half.component_mul(&offset);
+    let (around, roll) = (draw(std::f64::consts::PI), draw(std::f64::consts::PI));
+    let tilt = 0.5 * (draw(config.max_tilt) + config.max_tilt);
+    // The palm's normal is its x axis; `down` points it straight down.
+    let down = rotation::from_axis_angle(&Vector::y(), std::f64::consts::FRAC_PI_2);
+    let turn = rotation::from_axis_angle(&Vector::z(), around)
+        * rotation::from_axis_angle(&Vector::y(), -tilt)
+        * rotation::from_axis_angle(&Vector::z(), -around)
+        * rotation::from_axis_angle(&Vector::z(), roll)
+        * down;
+    let center = turn * Vector::from(config.grasp_center);
+    Isometry::from_parts((point - center).into(), turn)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn mass_range_of_imports_is_that_of_the_hand() {
+        assert_eq!(objects::import::MASS_RANGE, HandModel::standard().graspable.mass);
+    }
+}

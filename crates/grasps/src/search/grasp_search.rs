@@ -1,0 +1,337 @@
+//! Grasp search: many candidates; the best ones are tried in physics, perturbed, and clustered if robust.
+
+use crate::plan::object_poses::{PlannedGrasp, coverage_poses, reachability};
+use crate::search::SearchConfig;
+use crate::search::candidates::{self, CandidateConfig, SearchTarget, evaluate_candidate};
+use crate::search::contact_forces::Squeeze;
+use crate::search::trial::{Physics, TrialOutcome, TrialProtocol};
+use crate::set::clusters::{self, ScoredGrasp, half_turn};
+use crate::set::grasp::Grasp;
+use crate::set::import::ImportedGrasp;
+use crate::set::k_medoids;
+use crate::{GraspSet, PlacedObject, RobotContext};
+use objects::object::Object;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use robot::Isometry;
+use scene::SceneError;
+
+/// State of a running search.
+pub(crate) struct Search<'a> {
+    pub(crate) robot: &'a RobotContext,
+    pub(crate) object: &'a Object,
+    at_origin: PlacedObject<'a>,
+    target: SearchTarget<'a>,
+    pub(crate) config: &'a SearchConfig,
+    /// Displacements of the object in the repeats, the same for every grasp: x, y (m), yaw (rad).
+    perturbations: Vec<[f32; 3]>,
+    pub(crate) rng: ChaCha8Rng,
+    pub(crate) num_candidates: usize,
+    pub(crate) num_closed: usize,
+    pub(crate) num_tried: usize,
+}
+
+/// Searches for grasps of `object`; also returns all robust grasps. `progress` receives the completed
+/// fraction (0..1).
+pub fn search(
+    robot: &RobotContext,
+    object: &Object,
+    config: &SearchConfig,
+    seed: u64,
+    mut progress: impl FnMut(f32),
+) -> Result<(GraspSet, Vec<ScoredGrasp>), SceneError> {
+    let mut search = Search::new(robot, object, config, seed);
+    let mut scored = search.search_globally(&mut |fraction| progress(0.5 * fraction))?;
+    for (round, is_turned) in [false, true].into_iter().enumerate() {
+        let progress = &mut |fraction| progress(0.5 + 0.2 * (round as f32 + fraction));
+        scored.extend(search.refine_best(&scored, is_turned, progress)?);
+    }
+    search.finish(scored, &mut |fraction| progress(0.9 + 0.1 * fraction))
+}
+
+/// Searches for robust grasps around a palm pose (object frame), as [`search`] does around its best grasps.
+pub fn refine_around(
+    robot: &RobotContext,
+    object: &Object,
+    config: &SearchConfig,
+    palm: Isometry,
+    seed: u64,
+) -> Result<Vec<ScoredGrasp>, SceneError> {
+    let mut search = Search::new(robot, object, config, seed);
+    let scored = search.refine_seeds(&[palm], &mut |_| ())?;
+    Ok(scored
+        .into_iter()
+        .filter(|found| found.repeat_successes >= config.min_repeat_successes)
+        .collect())
+}
+
+/// Tries imported grasps as [`search`] tries its own candidates.
+pub fn try_imported(
+    robot: &RobotContext,
+    object: &Object,
+    config: &SearchConfig,
+    imported: &[ImportedGrasp],
+    seed: u64,
+    mut progress: impl FnMut(f32),
+) -> Result<(GraspSet, Vec<ScoredGrasp>), SceneError> {
+    let mut search = Search::new(robot, object, config, seed);
+    let mut scored = Vec::new();
+    for (i, row) in imported.iter().enumerate() {
+        progress(0.9 * i as f32 / imported.len() as f32);
+        search.num_candidates += 1;
+        let proposal = row.candidate_config(&config.candidate);
+        if let Some((grasp, _)) = search.close_at(row.object_from_palm, &proposal) {
+            scored.extend(search.score_grasp(&grasp)?);
+        }
+    }
+    search.finish(scored, &mut |fraction| progress(0.9 + 0.1 * fraction))
+}
+
+impl<'a> Search<'a> {
+    pub(crate) fn new(
+        robot: &'a RobotContext,
+        object: &'a Object,
+        config: &'a SearchConfig,
+        seed: u64,
+    ) -> Self {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let mut draw = |reach: f32| rng.random_range(-reach..=reach);
+        let [shift, turn] = [config.object_shift, config.object_turn];
+        let perturbations =
+            (0..config.num_repeats).map(|_| [draw(shift), draw(shift), draw(turn)]).collect();
+        Self {
+            robot,
+            object,
+            at_origin: PlacedObject::at_origin(robot, object),
+            target: SearchTarget::new(object, &robot.config),
+            config,
+            perturbations,
+            rng,
+            num_candidates: 0,
+            num_closed: 0,
+            num_tried: 0,
+        }
+    }
+
+    /// Filters the robust grasps and clusters them.
+    fn finish(
+        &self,
+        scored: Vec<ScoredGrasp>,
+        progress: &mut dyn FnMut(f32),
+    ) -> Result<(GraspSet, Vec<ScoredGrasp>), SceneError> {
+        let num_lifted = scored.len();
+        let min = self.config.min_repeat_successes;
+        let robust: Vec<_> =
+            scored.into_iter().filter(|found| found.repeat_successes >= min).collect();
+        let (grasps, confirmed) = self.confirmed_clusters(&robust, progress)?;
+        let set = GraspSet {
+            grasps,
+            num_candidates: self.num_candidates,
+            num_closed: self.num_closed,
+            num_tried: self.num_tried,
+            num_lifted,
+            num_robust: robust.len(),
+            full_robot_confirmed: confirmed,
+        };
+        Ok((set, robust))
+    }
+
+    /// Samples palm poses all around the object and tries those with the strongest squeezes. Returns the
+    /// grasps that lift, scored in repeats.
+    fn search_globally(
+        &mut self,
+        progress: &mut dyn FnMut(f32),
+    ) -> Result<Vec<ScoredGrasp>, SceneError> {
+        let config = self.config;
+        let mut found = Vec::new();
+        while self.num_candidates < config.max_candidates && found.len() < config.max_closed {
+            let palm = candidates::sample_palm(self.object, &config.candidate, &mut self.rng);
+            found.extend(self.close_at(palm, &config.candidate));
+            self.num_candidates += 1;
+            if self.num_candidates.is_multiple_of(256) {
+                let fraction = found.len() as f32 / config.max_closed as f32;
+                progress(
+                    0.5 * fraction.max(self.num_candidates as f32 / config.max_candidates as f32),
+                );
+            }
+        }
+        // At similar force margins, the grasp that covers more poses comes first.
+        let worth = |(grasp, squeeze): (Grasp, Squeeze)| {
+            (
+                squeeze.force_margin.min(SUFFICIENT_FORCE_MARGIN) * self.coverage(&grasp) as f64,
+                grasp,
+            )
+        };
+        let mut found: Vec<_> = found.into_iter().map(worth).collect();
+        found.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let mut scored = Vec::new();
+        for (i, (_, grasp)) in found.iter().enumerate() {
+            progress(0.5 + 0.5 * i as f32 / found.len() as f32);
+            scored.extend(self.score_grasp(grasp)?);
+            let robust =
+                scored.iter().filter(|found| found.repeat_successes >= config.min_repeat_successes);
+            if robust.count() == config.target_robust {
+                break;
+            }
+        }
+        Ok(scored)
+    }
+
+    /// Searches around the palm poses of the best grasps, or around their half turns.
+    fn refine_best(
+        &mut self,
+        scored: &[ScoredGrasp],
+        is_turned: bool,
+        progress: &mut dyn FnMut(f32),
+    ) -> Result<Vec<ScoredGrasp>, SceneError> {
+        let config = self.config;
+        let mut best: Vec<&ScoredGrasp> = scored.iter().collect();
+        best.sort_by_cached_key(|found| {
+            std::cmp::Reverse(found.score() * self.coverage(&found.grasp))
+        });
+        best.truncate(3 * config.num_refine_seeds);
+        let poses: Vec<_> = best.iter().map(|found| found.grasp.object_from_palm).collect();
+        let mut seeds: Vec<Isometry> =
+            k_medoids::k_medoids(poses.len(), config.num_refine_seeds, |a, b| {
+                k_medoids::palm_distance(&poses[a], &poses[b])
+            })
+            .into_iter()
+            .map(|i| poses[i])
+            .collect();
+        if is_turned {
+            let hand = &self.robot.tree.hand;
+            seeds.iter_mut().for_each(|pose| *pose = half_turn(hand, self.object, pose));
+        }
+        self.refine_seeds(&seeds, progress)
+    }
+
+    /// Perturbs each of these palm poses. Returns the grasps that lift, scored in repeats.
+    fn refine_seeds(
+        &mut self,
+        seeds: &[Isometry],
+        progress: &mut dyn FnMut(f32),
+    ) -> Result<Vec<ScoredGrasp>, SceneError> {
+        let config = self.config;
+        let mut scored = Vec::new();
+        for (i, seed) in seeds.iter().enumerate() {
+            progress(i as f32 / seeds.len() as f32);
+            let before = scored.len();
+            for _ in 0..config.max_perturbations {
+                let (shift, turn) = (config.palm_shift, config.palm_turn);
+                let palm = candidates::perturb_palm(seed, shift, turn, &mut self.rng);
+                if let Some((grasp, _)) = self.close_at(palm, &config.candidate) {
+                    scored.extend(self.score_grasp(&grasp)?);
+                }
+                if scored.len() == before + config.target_per_seed {
+                    break;
+                }
+            }
+        }
+        Ok(scored)
+    }
+
+    /// Coverage of a grasp: the number of poses, of every fifth coverage pose, at which it is reachable.
+    fn coverage(&self, grasp: &Grasp) -> usize {
+        let few: Vec<_> = coverage_poses(self.robot).into_iter().step_by(5).collect();
+        reachability(&self.at_origin, &few, grasp)
+            .into_iter()
+            .filter(|is_within| *is_within)
+            .count()
+    }
+
+    /// Closes the hand at a palm pose; `None` if the candidate is rejected.
+    pub(crate) fn close_at(
+        &mut self,
+        palm: Isometry,
+        config: &CandidateConfig,
+    ) -> Option<(Grasp, Squeeze)> {
+        let found = evaluate_candidate(self.robot, &self.target, config, palm, &mut self.rng).ok();
+        self.num_closed += usize::from(found.is_some());
+        found
+    }
+
+    /// Tries a grasp at the object yaw that is easiest to reach, then in perturbed repeats and under shaking.
+    /// `None` if the first trial fails; the repeats stop when too many have failed.
+    pub(crate) fn score_grasp(&mut self, grasp: &Grasp) -> Result<Option<ScoredGrasp>, SceneError> {
+        let planned = PlannedGrasp::plan_at_easiest_yaw(&self.at_origin, grasp)?;
+        let Some(planned) = planned else { return Ok(None) };
+        self.num_tried += 1;
+        let mut found = ScoredGrasp { grasp: grasp.clone(), repeat_successes: 0, shake_slip: None };
+        let unperturbed = [0.0; 3];
+        if !self.lifts(Physics::HandOnly, &planned, unperturbed, TrialProtocol::SHORT)? {
+            return Ok(None);
+        }
+        let config = self.config;
+        let mut num_failed = 0;
+        for perturbation in &self.perturbations {
+            let lifts =
+                self.lifts(Physics::HandOnly, &planned, *perturbation, TrialProtocol::SHORT)?;
+            num_failed += usize::from(!lifts);
+            if num_failed + config.min_repeat_successes > config.num_repeats {
+                return Ok(Some(found));
+            }
+        }
+        found.repeat_successes = config.num_repeats - num_failed;
+        let outcome = planned.try_perturbed(Physics::HandOnly, unperturbed, SHAKE_TRIAL)?;
+        if let TrialOutcome::Lifted { slip } = outcome {
+            found.shake_slip = Some(slip);
+        }
+        Ok(Some(found))
+    }
+
+    /// Clusters the robust grasps and confirms each cluster with the full robot. A grasp that fails there is
+    /// removed, and the rest is clustered again. Also returns the numbers of tried and confirmed grasps.
+    fn confirmed_clusters(
+        &self,
+        robust: &[ScoredGrasp],
+        progress: &mut dyn FnMut(f32),
+    ) -> Result<(Vec<Grasp>, [usize; 2]), SceneError> {
+        let mut remaining = robust.to_vec();
+        let poses = coverage_poses(self.robot);
+        let of = |found: &ScoredGrasp| reachability(&self.at_origin, &poses, &found.grasp);
+        let mut reach: Vec<_> = remaining.iter().map(of).collect();
+        let (mut confirmed, mut tried) = (Vec::new(), 0);
+        loop {
+            let (hand, count) = (&self.robot.tree.hand, self.config.num_clusters);
+            let chosen = clusters::cluster_grasps(hand, self.object, &remaining, &reach, count);
+            let key = |grasp: &Grasp| (grasp.object_from_palm, grasp.grasp, grasp.squeeze);
+            let new = chosen.iter().find(|grasp| !confirmed.contains(&key(grasp)));
+            let Some(new) = new else { return Ok((chosen, [tried, confirmed.len()])) };
+            progress(confirmed.len() as f32 / chosen.len() as f32);
+            tried += 1;
+            if self.is_confirmed(new)? {
+                confirmed.push(key(new));
+            } else if let Some(i) = remaining.iter().position(|found| key(&found.grasp) == key(new))
+            {
+                remaining.remove(i);
+                reach.remove(i);
+            }
+        }
+    }
+
+    pub(crate) fn is_confirmed(&self, grasp: &Grasp) -> Result<bool, SceneError> {
+        match PlannedGrasp::plan_at_easiest_yaw(&self.at_origin, grasp)? {
+            Some(planned) => {
+                self.lifts(Physics::FullRobot, &planned, [0.0; 3], TrialProtocol::SHORT)
+            }
+            None => Ok(false),
+        }
+    }
+
+    fn lifts(
+        &self,
+        physics: Physics,
+        planned: &PlannedGrasp,
+        perturbation: [f32; 3],
+        protocol: TrialProtocol,
+    ) -> Result<bool, SceneError> {
+        let outcome = planned.try_perturbed(physics, perturbation, protocol)?;
+        Ok(matches!(outcome, TrialOutcome::Lifted { slip } if slip <= self.config.max_slip))
+    }
+}
+
+/// A short hold, then shaking.
+const SHAKE_TRIAL: TrialProtocol = TrialProtocol { is_shaken: true, ..TrialProtocol::SHORT };
+
+/// Force margin above which stronger squeezes rank equal.
+const SUFFICIENT_FORCE_MARGIN: f64 = 2.0;

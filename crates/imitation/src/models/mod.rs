@@ -1,0 +1,4 @@
+//! Trained models: the encoder, and the three files of a policy.
+
+pub mod encoder;
+pub mod export;
