@@ -4,6 +4,7 @@
 
 use anyhow::Context;
 use objects::Object;
+use policy::model::{CONFIG_FILE, STARTS_FILE, WEIGHTS_FILE};
 use rollout::{Attempt, Controller, RolloutContext};
 
 fn main() -> anyhow::Result<()> {
@@ -14,11 +15,8 @@ fn main() -> anyhow::Result<()> {
     let mut context = RolloutContext::new()?;
     let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../models/default/");
     let read = |file: &str| std::fs::read(format!("{folder}{file}"));
-    let model_hash = context.load_model(
-        &read("weights.safetensors")?,
-        &read("start_configurations.safetensors")?,
-        &read("config.json")?,
-    )?;
+    let model_hash =
+        context.load_model(&read(WEIGHTS_FILE)?, &read(STARTS_FILE)?, &read(CONFIG_FILE)?)?;
     println!("model {}", &model_hash[..8]);
 
     let object =

@@ -2,7 +2,7 @@
 
 use crate::{AppState, Problem, ProblemCode};
 use axum::http::StatusCode;
-use policy::model::ModelConfig;
+use policy::model::{CONFIG_FILE, ModelConfig, STARTS_FILE, WEIGHTS_FILE};
 use serde_json::{Map, Value, json};
 use std::path::PathBuf;
 
@@ -26,16 +26,16 @@ pub(crate) struct ModelFile {
 
 pub(crate) const WEIGHTS: ModelFile = ModelFile {
     name: "weights",
-    file_name: "weights.safetensors",
+    file_name: WEIGHTS_FILE,
     content_type: "application/octet-stream",
 };
 const START_CONFIGURATIONS: ModelFile = ModelFile {
     name: "start_configurations",
-    file_name: "start_configurations.safetensors",
+    file_name: STARTS_FILE,
     content_type: "application/octet-stream",
 };
 const CONFIG: ModelFile =
-    ModelFile { name: "config", file_name: "config.json", content_type: "application/json" };
+    ModelFile { name: "config", file_name: CONFIG_FILE, content_type: "application/json" };
 
 impl ModelFile {
     /// All files that a policy consists of, weights first.

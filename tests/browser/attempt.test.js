@@ -111,7 +111,7 @@ test("next attempt keeps the focus", async () => {
 test("recording plays to its outcome while the policy loads, then the policy runs", async () => {
   const { page } = await newPage(served, { reducesMotion: false });
   await page.route("**/weights**", async (route) => {
-    await page.waitForFunction(() => document.getElementById("hash").textContent.startsWith("Demonstration:"));
+    await page.waitForFunction(() => document.getElementById("hash").textContent.startsWith("Demonstration,"));
     await route.continue();
   });
   await page.goto(served.address);

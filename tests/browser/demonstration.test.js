@@ -36,11 +36,11 @@ test("demonstration is labelled, lifts and is not counted", async () => {
     () => document.getElementById("headline").textContent === "Replaying a demonstration",
   );
   const note = await page.textContent("#hash");
-  assert.match(note, /^Demonstration: episode 5: sugar box, pose 1, dataset [0-9a-f]{8} \(no policy\)$/);
+  assert.match(note, /^Demonstration, episode 5: sugar box, pose 1, dataset [0-9a-f]{8} \(no policy\)$/);
   await screenshot(page, "demonstration");
   await page.waitForSelector("[data-phase=outcome].is-now");
   assert.equal(await page.textContent("#headline"), "Lifted and held.");
-  assert.match(await page.textContent("#hash"), /^Demonstration: episode 5: .*\. Final state: [0-9a-f]{16}$/);
+  assert.match(await page.textContent("#hash"), /^Demonstration, episode 5: .*\. Final state: [0-9a-f]{16}$/);
   assert.equal(await page.textContent("#tally"), "No attempts with this object yet");
   assert.ok(await page.isChecked("#objects input[value=sugar_box]"), "its object is selected");
   // The policy controls the next attempt.

@@ -32,7 +32,7 @@ test("dataset job is started with the form, monitored, and a demonstration playe
   await page.waitForSelector("td:has-text('Sugar box')");
   await screenshot(page, "jobs-dataset");
   const [demo] = await Promise.all([page.context().waitForEvent("page"), page.click("a:has-text('Play')")]);
-  await demo.waitForFunction(() => /^Demonstration: episode 0: sugar box/.test(document.getElementById("hash").textContent));
+  await demo.waitForFunction(() => /^Demonstration, episode 0: sugar box/.test(document.getElementById("hash").textContent));
   await demo.close();
   // The browser logs the expected 422 response as an error.
   assert.deepEqual(errors.filter((text) => !text.includes("422")), []);

@@ -1,6 +1,7 @@
 //! Control conditions of the evaluation: scripted closing, measured observation, shuffled z and zero z.
 
 use objects::object::Object;
+use policy::model::MODEL_FILES;
 use robot::ARM_DOF;
 use rollout::{
     Attempt, AttemptRecording, Controller, FailureReason, Outcome, RolloutContext, RolloutError,
@@ -10,8 +11,7 @@ use std::path::Path;
 fn context() -> RolloutContext {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../models/default");
     let read = |file: &str| std::fs::read(folder.join(file)).unwrap();
-    let [weights, starts, config] =
-        ["weights.safetensors", "start_configurations.safetensors", "config.json"].map(read);
+    let [weights, starts, config] = MODEL_FILES.map(|(_, file)| read(file));
     let mut context = RolloutContext::new().unwrap();
     context.load_model(&weights, &starts, &config).unwrap();
     context

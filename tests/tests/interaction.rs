@@ -7,6 +7,7 @@ use grasps::set::k_medoids;
 use objects::import::{self, ImportOptions, OrientationReason};
 use objects::object::Object;
 use objects::shape_variant::ShapeVariant;
+use policy::model::MODEL_FILES;
 use rollout::{Attempt, Controller, FailureReason, Outcome, Phase, RolloutContext};
 use scene::Simulation;
 use std::path::Path;
@@ -15,8 +16,7 @@ use std::path::Path;
 fn context() -> RolloutContext {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../models/default");
     let read = |name: &str| std::fs::read(folder.join(name)).unwrap();
-    let files =
-        ["weights.safetensors", "start_configurations.safetensors", "config.json"].map(read);
+    let files = MODEL_FILES.map(|(_, file)| read(file));
     let mut context = RolloutContext::new().unwrap();
     context.load_model(&files[0], &files[1], &files[2]).unwrap();
     context

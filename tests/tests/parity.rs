@@ -5,6 +5,7 @@
 
 use evaluation::{AttemptResult, EvaluationReport, evaluate};
 use objects::object::Object;
+use policy::model::MODEL_FILES;
 use rollout::{Attempt, AttemptRecording, Controller, RolloutContext};
 use std::path::Path;
 
@@ -41,8 +42,7 @@ const ATTEMPTS: usize = 2;
 fn default_model_reproduces_its_recorded_attempts() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../models/default");
     let read = |file: &str| std::fs::read(folder.join(file)).unwrap();
-    let files =
-        ["weights.safetensors", "start_configurations.safetensors", "config.json"].map(read);
+    let files = MODEL_FILES.map(|(_, file)| read(file));
     let mut context = RolloutContext::new().unwrap();
     let hash = context.load_model(&files[0], &files[1], &files[2]).unwrap();
     for report in REPORTS {

@@ -11,6 +11,7 @@ use imitation::train::callback::TrainingStatus;
 use imitation::train::dagger;
 use objects::catalog::built_in_objects;
 use objects::object::Object;
+use policy::model::MODEL_FILES;
 use policy::{ObservationKind, PolicyConfig};
 use robot::JointVector;
 use rollout::{Attempt, Controller, RolloutContext};
@@ -96,8 +97,7 @@ fn tiny_model_is_trained_resumed_and_executed() {
 
     let mut context = RolloutContext::new().unwrap();
     let read = |file: &str| std::fs::read(out.join(file)).unwrap();
-    let files =
-        ["weights.safetensors", "start_configurations.safetensors", "config.json"].map(read);
+    let files = MODEL_FILES.map(|(_, file)| read(file));
     context.load_model(&files[0], &files[1], &files[2]).unwrap();
     let object = Object::from_catalog("sugar_box").unwrap();
     let attempt = || {

@@ -127,11 +127,11 @@ fn changed_target_changes_the_final_state() {
 
 #[test]
 fn bundled_demonstration_of_the_page_lifts() {
-    let recording = include_str!("../../web/src/demo/recording.json");
+    let recording = include_str!("../../web/src/demo/app/recording.json");
     let recording: DemonstrationFile = serde_json::from_str(recording).unwrap();
     let context = RolloutContext::new().unwrap();
     let object = Object::from_catalog(&recording.object_name).unwrap();
-    let hint = "rerun `ngf dataset export-episode DIR N --out web/src/demo/recording.json`";
+    let hint = "rerun `ngf dataset export-episode DIR N --out web/src/demo/app/recording.json`";
     let mut attempt = recording.start_replay(&context, &object).expect(hint);
     assert!(attempt.run(&context).is_lifted());
 }

@@ -28,6 +28,7 @@ impl AttemptStatistics {
 
 /// Number of attempts and successes, with the 95 % Wilson interval of the success rate.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
 pub(crate) struct Tally {
     lifted: u32,
     attempts: u32,

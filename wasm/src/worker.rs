@@ -180,6 +180,7 @@ impl Worker {
             }
             Request::StreamTelemetry { on } => {
                 if let Some(samples) = self.session.stream_telemetry(on) {
+                    let samples = samples.into_iter().map(Into::into).collect();
                     post(&Event::Telemetry { samples });
                 }
             }

@@ -1,6 +1,7 @@
 //! Errors of mesh files: each message names the cause, the expected and found values, and the cure.
 
 use crate::Unit;
+use crate::io::format_list;
 use std::fmt;
 
 /// Location in a mesh file.
@@ -28,9 +29,7 @@ impl fmt::Display for Location {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum MeshError {
     /// The file is empty or contains only white space.
-    #[error(
-        "the file is empty: expected a mesh as OBJ, STL, PLY, OFF, GLB or glTF. Export it again"
-    )]
+    #[error("the file is empty: expected a mesh as {}. Export it again", format_list())]
     Empty,
     /// The file is larger than [`MAX_BYTES`](crate::MAX_BYTES).
     #[error(
@@ -56,7 +55,8 @@ pub enum MeshError {
     },
     /// The file is not in a supported mesh format.
     #[error(
-        "this looks like {found}, not a mesh: expected OBJ, STL, PLY, OFF, GLB or glTF. Export it as one of these"
+        "this looks like {found}, not a mesh: expected {}. Export it as one of these",
+        format_list()
     )]
     UnknownFormat {
         /// Detected file type, with article.

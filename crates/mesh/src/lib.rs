@@ -1,6 +1,6 @@
 //! Triangle meshes: parsing, repair, units, mass properties, stable poses and convex decomposition.
 //!
-//! In: the untrusted bytes of an OBJ, STL, PLY, OFF, GLB or glTF file. Out: a [`Mesh`] in metres, with a
+//! In: the untrusted bytes of a file in one of the [`FORMATS`]. Out: a [`Mesh`] in metres, with a
 //! report of repairs and assumptions. Independent of file names and physics engines.
 
 mod convex_decomposition;
@@ -20,7 +20,7 @@ mod up_axis;
 pub use convex_decomposition::{ConvexDecomposition, Method, decompose, decompose_at_resolution};
 pub use convex_hull::convex_hull;
 pub use error::{Location, MeshError};
-pub use io::{FORMATS, MAX_BYTES, MAX_TRIANGLES, MeshFormat, read};
+pub use io::{FORMATS, MAX_BYTES, MAX_TRIANGLES, MeshFormat, format_list, read};
 pub use mass_properties::{MassProperties, mass_properties};
 pub use repair::{RepairReport, repair};
 pub use simplify::SimplifyReport;

@@ -9,6 +9,7 @@ use evaluation::EvaluationReport;
 use files::atomic_file;
 use objects::catalog::{CATALOG, CatalogEntry, entries_of_family};
 use objects::object::Object;
+use policy::model::{CONFIG_FILE, STARTS_FILE, WEIGHTS_FILE};
 use rollout::{Controller, RolloutContext};
 use std::collections::BTreeSet;
 use std::ops::Range;
@@ -210,7 +211,7 @@ pub(crate) fn load_model(context: &mut RolloutContext, model: &str) -> Result<St
     if model.contains(std::path::is_separator) || !bundled.is_dir() {
         return load_model_folder(context, folder);
     }
-    if folder.join("config.json").exists() {
+    if folder.join(CONFIG_FILE).exists() {
         bail!("{model} exists both here and in models/; use ./{model} or models/{model}");
     }
     load_model_folder(context, &bundled)
@@ -227,10 +228,6 @@ pub(crate) fn load_model_folder(context: &mut RolloutContext, folder: &Path) -> 
             )
         })
     };
-    let [weights, starts, config] = [
-        read("weights.safetensors")?,
-        read("start_configurations.safetensors")?,
-        read("config.json")?,
-    ];
+    let [weights, starts, config] = [read(WEIGHTS_FILE)?, read(STARTS_FILE)?, read(CONFIG_FILE)?];
     Ok(context.load_model(&weights, &starts, &config)?)
 }

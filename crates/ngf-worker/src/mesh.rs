@@ -18,7 +18,7 @@ pub(crate) enum MeshCommand {
 /// Input file and output folder.
 #[derive(clap::Args)]
 pub(crate) struct InspectArgs {
-    /// Mesh file: OBJ, STL, PLY, OFF, GLB or glTF
+    #[arg(help = format!("Mesh file: {}", mesh::format_list()))]
     file: PathBuf,
     /// Output folder for mesh_summary.json and parts.obj (one OBJ object per convex part)
     #[arg(long, value_name = "DIR")]

@@ -37,8 +37,7 @@ pub(crate) struct ObjectOptions {
     /// Name of a built-in object
     #[arg(long, value_name = "NAME", conflicts_with = "mesh")]
     object: Option<String>,
-    /// Mesh file: OBJ, STL, PLY, OFF, GLB or glTF
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", help = format!("Mesh file: {}", mesh::format_list()))]
     mesh: Option<PathBuf>,
     /// Mass (kg) of the mesh
     #[arg(long, value_name = "KG", requires = "mesh")]

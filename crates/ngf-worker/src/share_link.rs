@@ -1,4 +1,4 @@
-//! Share link to an attempt, as the page creates it: `…#v=1&o=sugar_box&…` (web/src/demo/share_link.ts).
+//! Share link to an attempt, as the page creates it: `…#v=1&o=sugar_box&…` (web/src/demo/share/share_link.ts).
 
 use anyhow::{Context, Result, bail};
 use mesh::Unit;

@@ -12,7 +12,18 @@ use robot::KinematicTree;
 /// canonical frame, with the object at azimuth 0; 3: several kinds of policies; 4: other field names.
 pub const MODEL_VERSION: u32 = 4;
 
-/// The model's configuration file, `config.json`.
+/// Encoder, decoder and policy, as safetensors.
+pub const WEIGHTS_FILE: &str = "weights.safetensors";
+/// [`StartModel`], as safetensors.
+pub const STARTS_FILE: &str = "start_configurations.safetensors";
+/// [`ModelConfig`], as JSON.
+pub const CONFIG_FILE: &str = "config.json";
+
+/// Files of a model by their name in the API, in the order of [`Model::load`].
+pub const MODEL_FILES: [(&str, &str); 3] =
+    [("weights", WEIGHTS_FILE), ("start_configurations", STARTS_FILE), ("config", CONFIG_FILE)];
+
+/// The model's configuration file, [`CONFIG_FILE`].
 #[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
 pub struct ModelConfig {
     /// [`MODEL_VERSION`] of the program that trained the model.

@@ -30,7 +30,7 @@ const MAX_NAME_CHARS: usize = 100;
 /// The file is the body, or the first file of a form.
 #[utoipa::path(
     post, path = "/meshes", tag = "meshes", params(("name" = Option<String>, Query, description = "File name")),
-    request_body(content((schemas::Bytes = "application/octet-stream"), (MeshForm = "multipart/form-data")), description = "OBJ, STL, PLY, OFF, GLB or glTF"),
+    request_body(content((schemas::Bytes = "application/octet-stream"), (MeshForm = "multipart/form-data")), description = mesh::format_list()),
     responses((status = 201, description = "The new mesh", body = schemas::Mesh), (status = 200, description = "The mesh already exists", body = schemas::Mesh)),
 )]
 pub(crate) async fn upload(

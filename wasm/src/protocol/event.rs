@@ -1,16 +1,16 @@
 //! Events of the worker.
 
-use super::PlanarPose;
+use super::{PlanarPose, TelemetrySample};
 use crate::statistics::Tally;
 use js_sys::{Float32Array, Uint32Array};
 use mesh::{Mesh, Unit};
 use objects::import::{Orientation, OrientationReason};
-use rollout::TelemetrySample;
 use serde::Serialize;
 use serde_wasm_bindgen::preserve;
 
 /// Event of the worker.
 #[derive(Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS), ts(rename = "WorkerEvent"))]
 #[serde(tag = "kind", rename_all = "camelCase", rename_all_fields = "camelCase")]
 pub(crate) enum Event {
     Ready(Ready),
@@ -38,10 +38,13 @@ pub(crate) enum Event {
 
 /// Triangle mesh: three coordinates per vertex, three indices per triangle.
 #[derive(Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
 pub(crate) struct Shape {
     #[serde(with = "preserve")]
+    #[cfg_attr(test, ts(type = "Float32Array"))]
     positions: Float32Array,
     #[serde(with = "preserve")]
+    #[cfg_attr(test, ts(type = "Uint32Array"))]
     indices: Uint32Array,
 }
 
@@ -55,6 +58,7 @@ impl Shape {
 
 /// Rendered part of the robot, fixed to the body with this index.
 #[derive(Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
 pub(crate) struct Link {
     pub(crate) body: usize,
     pub(crate) color: &'static str,
@@ -62,18 +66,21 @@ pub(crate) struct Link {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
 pub(crate) struct Table {
     pub(crate) center: [f32; 3],
     pub(crate) half: [f32; 3],
 }
 
 #[derive(Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
 pub(crate) struct Rectangle {
     pub(crate) x: [f32; 2],
     pub(crate) y: [f32; 2],
 }
 
 #[derive(Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
 #[serde(rename_all = "camelCase")]
 pub(crate) struct DepthCamera {
     pub(crate) position: [f32; 3],
@@ -83,6 +90,7 @@ pub(crate) struct DepthCamera {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
 pub(crate) struct BuiltIn {
     pub(crate) name: &'static str,
     pub(crate) label: String,
@@ -90,6 +98,7 @@ pub(crate) struct BuiltIn {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
 #[serde(rename_all = "camelCase")]
 pub(crate) struct Ready {
     pub(crate) links: Vec<Link>,
@@ -106,6 +115,7 @@ pub(crate) struct Ready {
 
 /// Joint, index of the body that it moves, and its limits (rad).
 #[derive(Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
 pub(crate) struct Joint {
     pub(crate) name: String,
     pub(crate) body: usize,
@@ -115,6 +125,7 @@ pub(crate) struct Joint {
 
 /// Properties of an object and findings of its import.
 #[derive(Clone, Debug, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
 #[serde(rename_all = "camelCase")]
 pub(crate) struct ObjectInfo {
     pub(crate) extent_cm: [f32; 3],
@@ -122,12 +133,15 @@ pub(crate) struct ObjectInfo {
     pub(crate) triangles: usize,
     pub(crate) watertight: bool,
     pub(crate) convex_parts: usize,
+    #[cfg_attr(test, ts(type = "Unit | null"))]
     pub(crate) unit: Option<Unit>,
     pub(crate) unit_reason: Option<String>,
     /// Number of stable poses, and the orientation; `None` for built-in objects.
     pub(crate) stable_poses: usize,
+    #[cfg_attr(test, ts(type = "Orientation | null"))]
     pub(crate) orientation: Option<Orientation>,
     /// Reason of the orientation; `None` for built-in objects.
+    #[cfg_attr(test, ts(type = "OrientationReason | null"))]
     pub(crate) orientation_reason: Option<OrientationReason>,
     /// Whether the hand can grasp it, by width and height.
     pub(crate) graspability: String,
@@ -135,6 +149,7 @@ pub(crate) struct ObjectInfo {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
 pub(crate) struct ObjectLoaded {
     pub(crate) name: Option<String>,
     /// Hash of shape, mass and friction.
@@ -149,6 +164,7 @@ pub(crate) struct ObjectLoaded {
 
 /// Replayed file or grasp search, run instead of the policy.
 #[derive(Clone, Debug, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
 #[serde(rename_all = "camelCase")]
 pub(crate) struct PlaybackInfo {
     pub(crate) description: String,
@@ -160,6 +176,7 @@ pub(crate) struct PlaybackInfo {
 
 /// Phases of an attempt; `Idle` is before the first one and after a reset.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
 #[serde(rename_all = "camelCase")]
 pub(crate) enum Phase {
     Idle,
@@ -171,10 +188,12 @@ pub(crate) enum Phase {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
 #[serde(rename_all = "camelCase")]
 pub(crate) struct Frame {
     /// Seven numbers per body: position, quaternion; the robot's bodies, then the object.
     #[serde(with = "preserve")]
+    #[cfg_attr(test, ts(type = "Float32Array"))]
     pub(crate) poses: Float32Array,
     pub(crate) pose: PlanarPose,
     /// Seed from which the pose was sampled; `None` for a custom pose.
@@ -187,12 +206,15 @@ pub(crate) struct Frame {
     pub(crate) phase_starts: Vec<(Phase, usize)>,
     /// Commanded joint positions (rad).
     #[serde(with = "preserve")]
+    #[cfg_attr(test, ts(type = "Float32Array"))]
     pub(crate) joints: Float32Array,
     /// Poses of the robot's bodies at the commanded joint positions, seven numbers per body.
     #[serde(with = "preserve")]
+    #[cfg_attr(test, ts(type = "Float32Array"))]
     pub(crate) commanded_poses: Float32Array,
     /// Contact forces on the object, six numbers per contact: point (m), force (N).
     #[serde(with = "preserve")]
+    #[cfg_attr(test, ts(type = "Float32Array"))]
     pub(crate) contacts: Float32Array,
     /// Set while telemetry is streamed.
     pub(crate) telemetry: Option<TelemetrySample>,
@@ -203,17 +225,21 @@ pub(crate) struct Frame {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
 pub(crate) struct Cloud {
     #[serde(with = "preserve")]
+    #[cfg_attr(test, ts(type = "Float32Array"))]
     pub(crate) points: Float32Array,
     /// Reconstruction of the cloud by the decoder; empty without an encoder.
     #[serde(with = "preserve")]
+    #[cfg_attr(test, ts(type = "Float32Array"))]
     pub(crate) reconstruction: Float32Array,
     /// Reconstruction error and its interpretation; `None` without an encoder.
     pub(crate) familiarity: Option<String>,
 }
 
 #[derive(Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
 #[serde(rename_all = "camelCase")]
 pub(crate) enum ProgressUnit {
     Bytes,
@@ -221,6 +247,7 @@ pub(crate) enum ProgressUnit {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
 pub(crate) struct Progress {
     pub(crate) label: String,
     pub(crate) done: f64,
@@ -248,6 +275,7 @@ impl Progress {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
 pub(crate) struct Model {
     pub(crate) id: Option<String>,
     /// Hash of the model files.
@@ -258,6 +286,7 @@ pub(crate) struct Model {
 
 /// Result of one attempt of a batch.
 #[derive(Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
 #[serde(rename_all = "camelCase")]
 pub(crate) struct AttemptFinished {
     /// Id of the batch.
@@ -277,6 +306,7 @@ pub(crate) struct AttemptFinished {
 
 /// Result of a grasp search.
 #[derive(Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
 #[serde(rename_all = "camelCase")]
 pub(crate) struct GraspsFound {
     pub(crate) text: String,
@@ -289,12 +319,14 @@ pub(crate) struct GraspsFound {
 
 /// File to download.
 #[derive(Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
 pub(crate) struct SavedFile {
     pub(crate) name: String,
     pub(crate) text: String,
 }
 
 #[derive(Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
 #[serde(rename_all = "camelCase")]
 pub(crate) struct Outcome {
     pub(crate) lifted: bool,
@@ -313,6 +345,7 @@ pub(crate) struct Outcome {
 
 /// Failure with a message and a hint.
 #[derive(Clone, Debug, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
 pub(crate) struct Failure {
     pub(crate) code: &'static str,
     pub(crate) message: String,

@@ -7,6 +7,7 @@ use serde::Deserialize;
 
 /// Request of the page.
 #[derive(Debug, Deserialize)]
+#[cfg_attr(test, derive(ts_rs::TS), ts(rename = "WorkerRequest"))]
 #[serde(tag = "kind", rename_all = "camelCase", rename_all_fields = "camelCase")]
 pub(crate) enum Request {
     LoadObject {
@@ -16,9 +17,12 @@ pub(crate) enum Request {
     Upload {
         file_name: String,
         #[serde(with = "serde_bytes")]
+        #[cfg_attr(test, ts(type = "ArrayBuffer"))]
         bytes: Vec<u8>,
+        #[cfg_attr(test, ts(type = "Unit | null"))]
         unit: Option<Unit>,
         mass_kg: Option<f32>,
+        #[cfg_attr(test, ts(type = "Orientation | null"))]
         orientation: Option<Orientation>,
     },
     /// Loads this model. `only_if_idle` drops it if an attempt is running when the download completes; `base` is

@@ -53,7 +53,7 @@ impl Session {
             joints: Float32Array::from(snapshot.joints.as_slice()),
             commanded_poses: Float32Array::from(self.commanded_poses(&snapshot.joints).as_slice()),
             contacts: Float32Array::from(snapshot.contacts.as_slice()),
-            telemetry: snapshot.telemetry,
+            telemetry: snapshot.telemetry.map(Into::into),
             time: self.history.tick() as f64 * CONTROL_DT,
             running: true,
             speed: 1.0,

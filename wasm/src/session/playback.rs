@@ -11,7 +11,7 @@ const REEXPORT_HINT: &str = "Export it again: a demonstration with `ngf dataset 
 fn playback_info(file: ReplayFile) -> PlaybackInfo {
     match file {
         ReplayFile::Demonstration(file) => PlaybackInfo {
-            description: format!("Demonstration: {}", file.description),
+            description: format!("Demonstration, {}", file.description),
             closing_label: "Replaying a demonstration",
             final_state_hash: None,
         },

@@ -5,7 +5,7 @@ import { h } from "../common/dom";
 import { label, percent } from "../common/numbers";
 import { link, table } from "../common/components";
 import { outOf } from "../common/strings";
-import { buildLink } from "../demo/share_link";
+import { buildLink } from "../demo/share/share_link";
 import { EVALUATION, FAILURES } from "./strings";
 import type { AttemptResult, Evaluation, Job } from "./types";
 

@@ -1,6 +1,6 @@
 // Resources of the job server (docs/api.md).
 
-import type { Orientation } from "../demo/protocol";
+import type { Orientation } from "../demo/worker/protocol";
 import { KINDS } from "./strings";
 
 export type Status = "queued" | "running" | "paused" | "cancelling" | "succeeded" | "failed" | "cancelled";

@@ -6,7 +6,7 @@ use crate::nn::Params;
 use anyhow::Result;
 use configs::DaggerConfig;
 use files::atomic_file;
-use policy::model::{MODEL_VERSION, ModelConfig};
+use policy::model::{CONFIG_FILE, MODEL_VERSION, ModelConfig, STARTS_FILE, WEIGHTS_FILE};
 use policy::start_model::OBJECTS_KEY;
 use robot::DOF;
 use safetensors::SafeTensors;
@@ -70,7 +70,7 @@ pub fn model_files(
     Ok(ModelFiles { weights, starts, config })
 }
 
-/// Exports a model to `out`: `weights.safetensors`, `start_configurations.safetensors` and `config.json`.
+/// Exports a model to the folder `out`, see [`policy::model::MODEL_FILES`].
 pub fn write_model(
     out: &Path,
     encoder: &TrainedEncoder,
@@ -83,9 +83,9 @@ pub fn write_model(
 
 /// Writes the three files of a model to `out`.
 pub fn write_files(out: &Path, files: &ModelFiles) -> Result<()> {
-    atomic_file::write(&out.join("weights.safetensors"), &files.weights)?;
-    atomic_file::write(&out.join("start_configurations.safetensors"), &files.starts)?;
-    atomic_file::write(&out.join("config.json"), &files.config)
+    atomic_file::write(&out.join(WEIGHTS_FILE), &files.weights)?;
+    atomic_file::write(&out.join(STARTS_FILE), &files.starts)?;
+    atomic_file::write(&out.join(CONFIG_FILE), &files.config)
 }
 
 /// Merges several safetensors files into one, with `metadata` in its header.

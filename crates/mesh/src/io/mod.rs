@@ -25,7 +25,7 @@ pub const MAX_TRIANGLES: usize = 5_000_000;
 /// Max number of vertices: enough for a triangle soup of `MAX_TRIANGLES`.
 const MAX_VERTICES: usize = 3 * MAX_TRIANGLES;
 
-/// Parses a mesh from OBJ, STL (text or binary), PLY (text or binary), OFF, GLB or glTF.
+/// Parses a mesh in one of the [`FORMATS`], text or binary.
 ///
 /// Out: coordinates in the units of the file; glTF is converted to z up.
 pub fn read(bytes: &[u8]) -> Result<Mesh, MeshError> {
@@ -58,8 +58,8 @@ type Reader = fn(&[u8]) -> Result<Mesh, MeshError>;
 
 /// A mesh format. A new format is a module of this folder and a row of [`FORMATS`].
 pub struct MeshFormat {
-    /// Name in messages and help texts.
-    pub name: &'static str,
+    /// Names in messages and help texts.
+    pub names: &'static [&'static str],
     /// File extensions without a dot, lower case. They are hints for users; detection reads the content.
     pub extensions: &'static [&'static str],
     /// Whether the first bytes identify the format. Formats without magic bytes are tried last, after other
@@ -72,31 +72,41 @@ pub struct MeshFormat {
 /// All formats, in the order of detection.
 pub const FORMATS: [MeshFormat; 5] = [
     MeshFormat {
-        name: "glTF",
+        names: &["glTF", "GLB"],
         extensions: &["glb", "gltf"],
         has_magic: true,
         detect: |bytes| gltf::is_gltf(bytes).then_some(gltf::read as Reader),
     },
     MeshFormat {
-        name: "PLY",
-        extensions: &["ply"],
-        has_magic: true,
-        detect: |bytes| ply::is_ply(bytes).then_some(ply::read as Reader),
-    },
-    MeshFormat {
-        name: "OFF",
+        names: &["OFF"],
         extensions: &["off"],
         has_magic: true,
         detect: |bytes| off::is_off(bytes).then_some(off::read as Reader),
     },
-    MeshFormat { name: "STL", extensions: &["stl"], has_magic: false, detect: stl::detect },
     MeshFormat {
-        name: "OBJ",
+        names: &["PLY"],
+        extensions: &["ply"],
+        has_magic: true,
+        detect: |bytes| ply::is_ply(bytes).then_some(ply::read as Reader),
+    },
+    MeshFormat { names: &["STL"], extensions: &["stl"], has_magic: false, detect: stl::detect },
+    MeshFormat {
+        names: &["OBJ"],
         extensions: &["obj"],
         has_magic: false,
         detect: |bytes| obj::is_obj(bytes).then_some(obj::read as Reader),
     },
 ];
+
+/// Names of all formats, for messages: "OBJ, STL, PLY, OFF, GLB or glTF".
+pub fn format_list() -> String {
+    let mut names: Vec<&str> = FORMATS.iter().flat_map(|format| format.names).copied().collect();
+    names.reverse();
+    match names.split_last() {
+        Some((last, rest)) => format!("{} or {last}", rest.join(", ")),
+        None => String::new(),
+    }
+}
 
 /// Whether the format of the file defines the up axis.
 pub(crate) fn defines_up_axis(bytes: &[u8]) -> bool {

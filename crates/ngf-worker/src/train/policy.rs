@@ -5,7 +5,7 @@ use super::validation::Validation;
 use super::{STOPPED, TrainArgs, parse_fraction, parse_norm, parse_positive, reject_same_folder};
 use crate::job_client;
 use ::policy::PolicyConfig;
-use ::policy::model::ModelConfig;
+use ::policy::model::{CONFIG_FILE, ModelConfig, WEIGHTS_FILE};
 use ::policy::network::{NetworkConfig, POLICY_NAMES};
 use anyhow::{Context, Result, bail};
 use configs::DaggerConfig;
@@ -219,8 +219,8 @@ impl TrainingCallback for ValidationCallback<'_> {
 
 /// Reads weights and configuration of a model.
 pub(crate) fn read_model(folder: &Path) -> Result<(Vec<u8>, ModelConfig)> {
-    let config = ModelConfig::parse(&read_file(folder, "config.json")?)?;
-    Ok((read_file(folder, "weights.safetensors")?, config))
+    let config = ModelConfig::parse(&read_file(folder, CONFIG_FILE)?)?;
+    Ok((read_file(folder, WEIGHTS_FILE)?, config))
 }
 
 /// Reads a file of a model.

@@ -11,7 +11,7 @@ use grasps::RobotContext;
 use imitation::models::encoder::TrainedEncoder;
 use imitation::train::start_net::{self, examples, median_errors};
 use objects::catalog::built_in_object;
-use policy::model::ModelConfig;
+use policy::model::{CONFIG_FILE, ModelConfig, STARTS_FILE, WEIGHTS_FILE};
 use policy::{StartModel, WeightsError};
 use std::path::PathBuf;
 
@@ -43,13 +43,13 @@ pub(super) fn train(options: &Options) -> Result<()> {
         ..standard
     };
     let read = |file| read_file(&options.model, file);
-    let (weights, config_json) = (read("weights.safetensors")?, read("config.json")?);
+    let (weights, config_json) = (read(WEIGHTS_FILE)?, read(CONFIG_FILE)?);
     let robot = RobotContext::standard()?;
     let observation = ModelConfig::parse(&config_json)?.policy.observation;
     let load = |bytes: &[u8]| -> Result<StartModel, WeightsError> {
         StartModel::load(bytes, observation.dim(), &robot.tree)
     };
-    let StartModel::Table(table) = load(&read("start_configurations.safetensors")?)? else {
+    let StartModel::Table(table) = load(&read(STARTS_FILE)?)? else {
         anyhow::bail!(
             "{} has no start table to learn from; use the model that it was trained from",
             options.model.display()
@@ -72,7 +72,7 @@ pub(super) fn train(options: &Options) -> Result<()> {
             1e3 * palm
         );
     }
-    atomic_file::write(&run.out.join("weights.safetensors"), &weights)?;
-    atomic_file::write(&run.out.join("start_configurations.safetensors"), &bytes)?;
-    atomic_file::write(&run.out.join("config.json"), &config_json)
+    atomic_file::write(&run.out.join(WEIGHTS_FILE), &weights)?;
+    atomic_file::write(&run.out.join(STARTS_FILE), &bytes)?;
+    atomic_file::write(&run.out.join(CONFIG_FILE), &config_json)
 }

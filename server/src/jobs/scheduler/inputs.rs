@@ -1,11 +1,11 @@
 //! Inputs of jobs: existence of datasets, models and meshes, and their paths for the worker.
 
 use super::JobScheduler;
-use super::outputs::MODEL_FILES;
 use crate::jobs::{Inputs, Params};
 use crate::model::JOB_MODEL_PREFIX;
 use crate::problem::Problem;
 use crate::store::{RecordKind, StoreError};
+use policy::model::WEIGHTS_FILE;
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -41,8 +41,7 @@ impl JobScheduler {
 
     /// Whether a built-in or trained model with this id exists.
     pub(crate) async fn has_model(&self, id: &str) -> Result<bool, StoreError> {
-        if crate::model::is_valid_id(id)
-            && self.models_dir().join(id).join(MODEL_FILES[0]).is_file()
+        if crate::model::is_valid_id(id) && self.models_dir().join(id).join(WEIGHTS_FILE).is_file()
         {
             return Ok(true);
         }

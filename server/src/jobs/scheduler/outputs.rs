@@ -6,6 +6,7 @@ use crate::jobs::{Job, Outputs};
 use crate::model::JOB_MODEL_PREFIX;
 use crate::store::{Artifact, EventType, NewEvent, RecordKind, StoreError};
 use chrono::Utc;
+use policy::model::MODEL_FILES;
 use serde_json::{Value, json};
 use std::io;
 use std::path::{Path, PathBuf};
@@ -109,7 +110,7 @@ impl JobScheduler {
         folder: &Path,
     ) -> Result<(), StoreError> {
         let mut files = Vec::new();
-        for name in MODEL_FILES {
+        for (_, name) in MODEL_FILES {
             let path = folder.join(name);
             files.push(self.store.put_file(&job.id, &format!("step-{step}/{name}"), &path).await?);
         }
@@ -157,10 +158,6 @@ impl JobScheduler {
         Ok(id)
     }
 }
-
-/// Files of a policy, weights first.
-pub(super) const MODEL_FILES: [&str; 3] =
-    ["weights.safetensors", "start_configurations.safetensors", "config.json"];
 
 /// Checkpoints in the output folder that are not stored yet: step and folder, in ascending order.
 fn pending_checkpoints(out: &Path) -> io::Result<Vec<(u64, PathBuf)>> {

@@ -2,8 +2,9 @@
 
 import { element } from "../../common/dom";
 import { percent } from "../../common/numbers";
-import type { Frame, Model, Outcome, Phase, PlaybackInfo, Tally } from "../protocol";
-import { ATTEMPT, TALLY } from "../strings";
+import type { EventBus } from "../app/event_bus";
+import { ATTEMPT, TALLY } from "../app/strings";
+import type { Frame, Model, Outcome, Phase, PlaybackInfo, Tally } from "../worker/protocol";
 
 export interface AttemptEvents {
   grasp(seed: number): void;
@@ -28,8 +29,14 @@ export class AttemptPanel {
   // Known once the worker has reported its model.
   #actor: "policy" | "planner" | null = null;
 
-  constructor(events: AttemptEvents) {
+  constructor(bus: EventBus, events: AttemptEvents) {
     this.#events = events;
+    bus.on("object", ({ tally }) => this.#showObject(tally));
+    bus.on("model", (model) => this.#showModel(model));
+    bus.on("frame", (frame) => this.#showFrame(frame));
+    bus.on("outcome", (outcome) => this.#showOutcome(outcome));
+    bus.on("attemptFinished", ({ tally }) => showTally(tally));
+    bus.on("stopped", ({ headline }) => this.#stop(headline));
     this.#grasp.addEventListener("click", () => this.grasp());
     this.#newPose.addEventListener("click", () => this.newPose());
     this.#seed.addEventListener("change", () => this.#placeBySeed());
@@ -40,7 +47,7 @@ export class AttemptPanel {
   }
 
   // `tally`: earlier attempts with this object.
-  hasObject(tally: Tally): void {
+  #showObject(tally: Tally): void {
     this.#hasObject = true;
     this.#note.hidden = true;
     showTally(tally);
@@ -48,7 +55,7 @@ export class AttemptPanel {
   }
 
   // Disables the buttons until an object and a model are reported.
-  stop(headline: string): void {
+  #stop(headline: string): void {
     this.#hasObject = false;
     // Resets the phase, so that the next frame updates the headline.
     [this.#actor, this.#phase] = [null, null];
@@ -56,7 +63,7 @@ export class AttemptPanel {
     this.#headline.textContent = headline;
   }
 
-  showModel({ id, text, tally }: Model): void {
+  #showModel({ id, text, tally }: Model): void {
     this.#actor = id === null ? "planner" : "policy";
     showTally(tally);
     element("model", HTMLElement).textContent = text;
@@ -93,10 +100,6 @@ export class AttemptPanel {
     this.grasp();
   }
 
-  showTally(tally: Tally): void {
-    showTally(tally);
-  }
-
   newPose(): void {
     if (this.#newPose.disabled) return;
     if (this.#seedValue() === this.#poseSeed) this.#seed.value = String(this.#poseSeed + 1);
@@ -108,7 +111,7 @@ export class AttemptPanel {
     this.#events.placeBySeed(this.#poseSeed);
   }
 
-  showFrame({ phase, playback, phaseStarts }: Frame): void {
+  #showFrame({ phase, playback, phaseStarts }: Frame): void {
     // The outcome stays while the user scrubs through the attempt; a new attempt has no outcome phase.
     if (this.#outcome && !phaseStarts.some(([phase]) => phase === "outcome")) {
       this.#outcome = null;
@@ -127,7 +130,7 @@ export class AttemptPanel {
     this.#showPhases();
   }
 
-  showOutcome(outcome: Outcome): void {
+  #showOutcome(outcome: Outcome): void {
     this.#outcome = outcome;
     this.#headline.textContent = outcome.text;
     this.#announcement.textContent = `${outcome.text} ${TALLY.lifted(outcome.tally)}.`;

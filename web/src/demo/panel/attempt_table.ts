@@ -1,8 +1,8 @@
 // Table of the attempts of a batch, each with a replay button.
 
 import { element, h } from "../../common/dom";
-import type { AttemptFinished } from "../protocol";
-import { BATCH } from "../strings";
+import { BATCH } from "../app/strings";
+import type { AttemptFinished } from "../worker/protocol";
 
 export class AttemptTable {
   readonly #details = element("attempts-all", HTMLDetailsElement);

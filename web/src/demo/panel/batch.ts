@@ -3,9 +3,10 @@
 import { element, h } from "../../common/dom";
 import { percent } from "../../common/numbers";
 import { outOf } from "../../common/strings";
-import { download } from "../download";
-import type { AttemptFinished, Rectangle, WorkerRequest } from "../protocol";
-import { BATCH } from "../strings";
+import type { EventBus } from "../app/event_bus";
+import { BATCH } from "../app/strings";
+import { download } from "../files/download";
+import type { AttemptFinished, WorkerRequest } from "../worker/protocol";
 import { AttemptTable } from "./attempt_table";
 import { WorkspaceMap } from "./workspace_map";
 
@@ -43,24 +44,25 @@ export class BatchPanel {
   // Id of the current batch. Events of earlier batches are ignored.
   #batchId = 0;
 
-  constructor(events: BatchEvents) {
+  constructor(bus: EventBus, events: BatchEvents) {
     this.#events = events;
     this.#map = new WorkspaceMap((seed) => events.replay(seed));
     this.#table = new AttemptTable((seed) => events.replay(seed));
     this.#button.addEventListener("click", () => (this.#isRunning ? events.send({ kind: "cancelBatch" }) : this.#start()));
     this.#csv.addEventListener("click", () => download("attempts.csv", new Blob([csv(this.#runs)], { type: "text/csv" })));
+    bus.on("ready", ({ workspace }) => this.#map.setWorkspace(workspace));
+    bus.on("objectChanged", () => this.#clear());
+    bus.on("modelChanged", () => this.#clear());
+    bus.on("model", () => (this.#button.disabled = false));
+    bus.on("attemptFinished", (attempt) => this.#add(attempt, 0));
+    bus.on("secondAttemptFinished", ({ attempt }) => this.#add(attempt, 1));
+    bus.on("batchFinished", ({ batchId }) => this.#end(0, batchId));
+    bus.on("secondBatchFinished", ({ batchId }) => this.#end(1, batchId));
+    bus.on("stopped", () => this.#stop());
   }
 
   get #isRunning(): boolean {
     return this.#runs.some(({ isFinished }) => !isFinished);
-  }
-
-  setWorkspace(workspace: Rectangle): void {
-    this.#map.setWorkspace(workspace);
-  }
-
-  enable(on: boolean): void {
-    this.#button.disabled = !on;
   }
 
   #start(): void {
@@ -73,7 +75,7 @@ export class BatchPanel {
   }
 
   // Adds an attempt of the loaded (0) or the compared (1) policy. The map shows only the loaded one.
-  add(attempt: AttemptFinished, policy: 0 | 1): void {
+  #add(attempt: AttemptFinished, policy: 0 | 1): void {
     const run = this.#runs[policy];
     if (!run || attempt.batchId !== this.#batchId) return;
     run.attempts.push(attempt);
@@ -84,7 +86,7 @@ export class BatchPanel {
   }
 
   // The batch of one policy has finished; null is the current batch.
-  end(policy: 0 | 1, batchId: number | null): void {
+  #end(policy: 0 | 1, batchId: number | null): void {
     const run = this.#runs[policy];
     if (!run || run.isFinished || (batchId ?? this.#batchId) !== this.#batchId) return;
     run.isFinished = true;
@@ -96,14 +98,15 @@ export class BatchPanel {
   }
 
   // The worker has stopped. The results so far stay.
-  stop(): void {
+  #stop(): void {
     for (const run of this.#runs) run.isFinished = true;
     this.#show();
+    this.#button.disabled = true;
   }
 
   // Discards the results after a change of object or policy. The worker ends the batch before it reports the
   // change, so a batch that is still running was started afterwards and continues.
-  clear(): void {
+  #clear(): void {
     if (this.#runs[0]?.isFinished === false) return;
     if (this.#isRunning) this.#events.send({ kind: "cancelBatch" });
     this.#reset();

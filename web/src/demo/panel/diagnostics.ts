@@ -2,9 +2,10 @@
 // margin.
 
 import { element, h, svg } from "../../common/dom";
-import type { Frame, Joint, Telemetry, TelemetrySample, WorkerRequest } from "../protocol";
-import { DIAGNOSTICS } from "../strings";
+import type { EventBus } from "../app/event_bus";
+import { DIAGNOSTICS } from "../app/strings";
 import { isNearLimit } from "../view/joint_limit_highlight";
+import type { Frame, Joint, TelemetrySample, WorkerRequest } from "../worker/protocol";
 
 // Joint groups in the order of `Ready`, with their numbers of joints.
 const GROUPS: [string, number][] = [
@@ -31,7 +32,7 @@ export class DiagnosticsPanel {
   #samples: (TelemetrySample | null)[] = [];
   readonly #send: (request: WorkerRequest) => void;
 
-  constructor(send: (request: WorkerRequest) => void) {
+  constructor(bus: EventBus, send: (request: WorkerRequest) => void) {
     this.#send = send;
     this.#details.addEventListener("toggle", () => this.requestTelemetry());
     const { energy, terms, damping, margin } = DIAGNOSTICS.plots;
@@ -46,6 +47,10 @@ export class DiagnosticsPanel {
       plot(damping, [["", (sample) => sample.damping]]),
       plot(margin, [["", (sample) => sample.limit_margin]]),
     ];
+    bus.on("ready", ({ joints }) => this.#setJoints(joints));
+    bus.on("frame", (frame) => this.#show(frame));
+    bus.on("telemetry", ({ samples }) => (this.#samples = samples));
+    bus.on("outcome", () => this.#onAttemptEnd());
   }
 
   // Turns the telemetry stream on while the section is open. The worker then posts the samples so far.
@@ -54,15 +59,11 @@ export class DiagnosticsPanel {
   }
 
   // Fetches the samples of ticks between two frames.
-  onAttemptEnd(): void {
+  #onAttemptEnd(): void {
     if (this.#details.open) this.requestTelemetry();
   }
 
-  showTelemetry({ samples }: Telemetry): void {
-    this.#samples = samples;
-  }
-
-  setJoints(joints: Joint[]): void {
+  #setJoints(joints: Joint[]): void {
     this.#joints.splice(0, Infinity, ...joints);
     this.#marks.length = 0;
     const list = element("joints", HTMLElement);
@@ -83,7 +84,7 @@ export class DiagnosticsPanel {
     return h("div", { class: "joint", role: "meter", tabindex: -1, "aria-label": name, ...range }, mark);
   }
 
-  show({ joints, telemetry, tick, ticks }: Frame): void {
+  #show({ joints, telemetry, tick, ticks }: Frame): void {
     if (!this.#details.open) return;
     joints.forEach((q, i) => {
       const joint = this.#joints[i]!;

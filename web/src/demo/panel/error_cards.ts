@@ -2,9 +2,9 @@
 // resolved.
 
 import { copyText, element } from "../../common/dom";
-import type { Failure } from "../protocol";
-import { ERRORS } from "../strings";
-import { DOWNLOAD_FAILED, isFatal } from "../worker_client";
+import { ERRORS } from "../app/strings";
+import type { Failure } from "../worker/protocol";
+import { DOWNLOAD_FAILED, isFatal } from "../worker/worker_client";
 
 // Maximum number of cards that are not fatal.
 const MAX_CARDS = 3;
@@ -25,6 +25,10 @@ export class ErrorCards {
     // Fatal cards stay, since they hold the restart button.
     const others = [...this.#list.children].filter((card) => !card.classList.contains("is-fatal"));
     for (const card of others.slice(0, Math.max(0, others.length - MAX_CARDS))) card.remove();
+  }
+
+  report(code: string, text: Pick<Failure, "message" | "hint">): void {
+    this.show({ kind: "failure", code, ...text });
   }
 
   dismiss(code: string): void {

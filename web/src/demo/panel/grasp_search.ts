@@ -1,9 +1,10 @@
 // Grasp search without a policy: samples grasps in a separate worker and starts an attempt with the best one.
 
 import { element } from "../../common/dom";
-import type { Failure, GraspsFound, WorkerEvent, WorkerRequest } from "../protocol";
-import { SEARCH } from "../strings";
-import { asSecondary, WorkerClient } from "../worker_client";
+import type { EventBus } from "../app/event_bus";
+import { SEARCH } from "../app/strings";
+import type { Failure, GraspsFound, WorkerEvent, WorkerRequest } from "../worker/protocol";
+import { asSecondary, WorkerClient } from "../worker/worker_client";
 
 export interface GraspSearchEvents {
   // Requests that bring a new worker to the state of the first one.
@@ -23,18 +24,19 @@ export class GraspSearchPanel {
   // Grasps found for the current object.
   #found: GraspsFound | null = null;
 
-  constructor(events: GraspSearchEvents) {
+  constructor(bus: EventBus, events: GraspSearchEvents) {
     this.#events = events;
+    bus.on("objectChanged", () => this.#clear());
     this.#button.addEventListener("click", () => {
       if (this.#client) this.#stop(SEARCH.stopped);
       else if (this.#found) events.play(this.#found);
       else this.#start();
     });
-    this.clear();
+    this.#clear();
   }
 
-  // The object has changed.
-  clear(): void {
+  // Discards the grasps of the previous object.
+  #clear(): void {
     this.#found = null;
     this.#button.disabled = this.#events.stateRequests().length === 0;
     this.#stop(SEARCH.hint);

@@ -1,8 +1,9 @@
 // Object information, and the import options of a mesh file: unit, mass, orientation.
 
 import { choice, element, h } from "../../common/dom";
-import type { ImportOptions, ObjectInfo, Orientation, Unit } from "../protocol";
-import { OBJECT_INFO } from "../strings";
+import type { EventBus } from "../app/event_bus";
+import { OBJECT_INFO } from "../app/strings";
+import type { ImportOptions, ObjectInfo, Orientation, Unit } from "../worker/protocol";
 
 export class ObjectInfoPanel {
   readonly #box = element("object-info", HTMLElement);
@@ -19,7 +20,7 @@ export class ObjectInfoPanel {
   #massKg = 0;
   readonly #pressUnit: (unit: string | null) => void;
 
-  constructor(onChange: (change: Partial<ImportOptions>) => void) {
+  constructor(bus: EventBus, onChange: (change: Partial<ImportOptions>) => void) {
     // A new unit changes the volume, so the mass is estimated again.
     this.#pressUnit = choice("unit-choice", (value) => onChange({ unit: value as Unit, massKg: null }));
     this.#grams.addEventListener("change", () => {
@@ -32,16 +33,20 @@ export class ObjectInfoPanel {
       const index = Number(this.#orientation.value);
       onChange({ orientation: index < 0 ? "asInFile" : { stablePose: index } });
     });
+    bus.on("object", ({ info }) => this.#show(info));
+    bus.on("cloud", ({ familiarity }) => this.#showFamiliarity(familiarity));
+    // The familiarity is that of the previous encoder.
+    bus.on("modelChanged", () => this.#showFamiliarity(null));
   }
 
   // Known only after the first attempt with an encoder; null hides it.
-  showFamiliarity(text: string | null): void {
+  #showFamiliarity(text: string | null): void {
     this.#familiarity.textContent = text;
     if (this.#familiarity.parentElement) this.#familiarity.parentElement.hidden = text === null;
   }
 
-  show(info: ObjectInfo): void {
-    this.showFamiliarity(null);
+  #show(info: ObjectInfo): void {
+    this.#showFamiliarity(null);
     this.#box.hidden = false;
     this.#size.textContent = `${info.extentCm.map((side) => side.toFixed(1)).join(" × ")} cm`;
     this.#mass.textContent = massText(info.massKg);

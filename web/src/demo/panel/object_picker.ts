@@ -2,10 +2,10 @@
 // removed.
 
 import { element, h } from "../../common/dom";
-import { droppedFiles, isRecording, readableFiles } from "../dropped_files";
-import { MeshStore } from "../mesh_store";
-import type { ImportOptions, ObjectLoaded, Ready, Shape } from "../protocol";
-import { MAX_FILES } from "../zip";
+import { droppedFiles, isRecording, readableFiles } from "../files/dropped_files";
+import { MeshStore } from "../files/mesh_store";
+import { MAX_FILES } from "../files/zip";
+import type { ImportOptions, ObjectLoaded, Ready, Shape } from "../worker/protocol";
 import { thumbnail } from "./thumbnail";
 
 export interface ObjectEvents {

@@ -1,8 +1,9 @@
 // Playback controls: pause, step, reset, speed, timeline, measured real-time factor.
 
 import { element } from "../../common/dom";
-import type { Frame, WorkerRequest } from "../protocol";
-import { PLAYBACK } from "../strings";
+import type { EventBus } from "../app/event_bus";
+import { PLAYBACK } from "../app/strings";
+import type { Frame, WorkerRequest } from "../worker/protocol";
 import { Timeline } from "./timeline";
 
 // Below this fraction of the requested speed, the real-time factor is highlighted.
@@ -20,7 +21,7 @@ export class Playback {
   #isRunning = true;
   #isSuspended = false;
 
-  constructor(send: (request: WorkerRequest) => void) {
+  constructor(bus: EventBus, send: (request: WorkerRequest) => void) {
     this.#send = send;
     this.#timeline = new Timeline(send);
     this.#back.addEventListener("click", () => this.back());
@@ -28,14 +29,9 @@ export class Playback {
     this.#step.addEventListener("click", () => this.step());
     this.#reset.addEventListener("click", () => this.reset());
     this.#speed.addEventListener("change", () => send({ kind: "speed", factor: Number(this.#speed.value) }));
-  }
-
-  enable(): void {
-    this.#setDisabled(false);
-  }
-
-  disable(): void {
-    this.#setDisabled(true);
+    bus.on("ready", () => this.#setDisabled(false));
+    bus.on("frame", (frame) => this.#show(frame));
+    bus.on("stopped", () => this.#setDisabled(true));
   }
 
   #setDisabled(on: boolean): void {
@@ -69,7 +65,7 @@ export class Playback {
     this.#send({ kind: "reset" });
   }
 
-  show(frame: Frame): void {
+  #show(frame: Frame): void {
     const { running, speed, realtimeFactor } = frame;
     this.#timeline.show(frame);
     this.#isRunning = running;

@@ -1,21 +1,26 @@
 // Policy selection. The selected policy is also stored in the page's URL.
 
 import { element, h } from "../../common/dom";
-import { addOption, fillOnFocus } from "../policy_options";
-import { COMPARISON } from "../strings";
+import type { EventBus } from "../app/event_bus";
+import { COMPARISON } from "../app/strings";
+import { addOption, fillOnFocus } from "./policy_options";
 
 export class PolicyPicker {
   readonly #select = element("policy", HTMLSelectElement);
 
-  constructor(requested: string, onSelect: (id: string) => void) {
+  constructor(bus: EventBus, requested: string, onSelect: (id: string) => void) {
     addOption(this.#select, requested);
     this.#select.value = requested;
     fillOnFocus(this.#select);
-    this.#select.addEventListener("change", () => onSelect(this.#select.value));
+    this.#select.addEventListener("change", () => {
+      this.#clearLink();
+      onSelect(this.#select.value);
+    });
+    bus.on("model", ({ id }) => this.#show(id));
   }
 
   // Removes the share link and the training from the URL.
-  clearLink(): void {
+  #clearLink(): void {
     const url = new URL(location.href);
     url.searchParams.delete("training");
     url.hash = "";
@@ -24,7 +29,7 @@ export class PolicyPicker {
 
   // Shows the loaded policy, which differs from the selected one if that failed to load. Null: the planner is
   // used.
-  show(id: string | null): void {
+  #show(id: string | null): void {
     if (id === null) {
       const planner = h("option", { value: "", hidden: true }, COMPARISON.planner);
       if (!this.#select.querySelector("[value='']")) this.#select.prepend(planner);

@@ -1,7 +1,8 @@
 // Object pose as numeric fields, and the keys that move the object.
 
 import { element } from "../../common/dom";
-import type { Frame, PlanarPose, Rectangle } from "../protocol";
+import type { EventBus } from "../app/event_bus";
+import type { Frame, PlanarPose, Rectangle } from "../worker/protocol";
 
 const DEGREE = Math.PI / 180;
 // Step of a key press (m, rad).
@@ -27,7 +28,7 @@ export class PosePanel {
   #pose: PlanarPose = { x: 0, y: 0, yaw: 0 };
   #isFree = false;
 
-  constructor(place: (pose: PlanarPose) => void) {
+  constructor(bus: EventBus, place: (pose: PlanarPose) => void) {
     this.#place = place;
     // Only the changed value is set: the other fields are rounded.
     const unit = { x: 0.01, y: 0.01, yaw: DEGREE };
@@ -39,14 +40,16 @@ export class PosePanel {
       // The worker limits the pose to the workspace, so the field may differ from it.
       input.addEventListener("blur", () => this.#write());
     }
+    bus.on("ready", ({ workspace }) => this.#setLimits(workspace));
+    bus.on("frame", (frame) => this.#show(frame));
   }
 
-  setLimits({ x, y }: Rectangle): void {
+  #setLimits({ x, y }: Rectangle): void {
     [this.#x.min, this.#x.max] = [cm(x[0]), cm(x[1])];
     [this.#y.min, this.#y.max] = [cm(y[0]), cm(y[1])];
   }
 
-  show({ pose, phase }: Frame): void {
+  #show({ pose, phase }: Frame): void {
     this.#pose = pose;
     this.#isFree = phase === "idle" || phase === "outcome";
     this.#fields.disabled = !this.#isFree;

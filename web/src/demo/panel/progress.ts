@@ -2,7 +2,7 @@
 
 import { element } from "../../common/dom";
 import { outOf } from "../../common/strings";
-import type { Progress } from "../protocol";
+import type { Progress } from "../worker/protocol";
 
 export type ProgressSource = "worker" | "page";
 

@@ -2,11 +2,12 @@
 
 import { ApiError, requestJson } from "../../common/api";
 import { copyText, element } from "../../common/dom";
-import { download } from "../download";
-import type { Frame, ImportOptions, Model, ObjectLoaded, Outcome, Ready } from "../protocol";
-import { buildLink, type ShareLink } from "../share_link";
-import { SHARE } from "../strings";
-import { VIDEO_FORMAT } from "../video_format";
+import type { EventBus } from "../app/event_bus";
+import { SHARE } from "../app/strings";
+import { download } from "../files/download";
+import { VIDEO_FORMAT } from "../files/video_format";
+import { buildLink, type ShareLink } from "../share/share_link";
+import type { Frame, ImportOptions, Model, ObjectLoaded, Outcome } from "../worker/protocol";
 
 export interface ShareEvents {
   // Camera position and orbit target; null without a view.
@@ -37,7 +38,7 @@ export class SharePanel {
   #upload: AbortController | null = null;
   #recorder: MediaRecorder | null = null;
 
-  constructor(events: ShareEvents) {
+  constructor(bus: EventBus, events: ShareEvents) {
     this.#events = events;
     this.#link.addEventListener("click", () => void this.copy());
     element("save-png", HTMLButtonElement).addEventListener("click", () => void this.#saveImage());
@@ -45,13 +46,14 @@ export class SharePanel {
     this.#video.hidden = !VIDEO_FORMAT;
     this.#episode.addEventListener("click", () => events.exportRecording());
     this.#store.addEventListener("click", () => void this.#storeMesh());
+    bus.on("ready", ({ sceneHash }) => (this.#sceneHash = sceneHash));
+    bus.on("object", (object) => this.#showObject(object));
+    bus.on("modelChanged", ({ model }) => this.#showModel(model));
+    bus.on("frame", (frame) => this.#showFrame(frame));
+    bus.on("outcome", (outcome) => this.#setOutcome(outcome));
   }
 
-  ready({ sceneHash }: Ready): void {
-    this.#sceneHash = sceneHash;
-  }
-
-  hasObject(object: ObjectLoaded): void {
+  #showObject(object: ObjectLoaded): void {
     [this.#object, this.#mesh] = [object, null];
     // An upload in progress is of the previous file.
     this.#store.hidden = true;
@@ -59,20 +61,16 @@ export class SharePanel {
     this.#setOutcome(null);
   }
 
-  hasModel(model: Model): void {
+  #showModel(model: Model): void {
     this.#model = model;
     // Playback does not depend on the policy.
     if (!this.#outcome?.playback) this.#setOutcome(null);
   }
 
-  showFrame(frame: Frame): void {
+  #showFrame(frame: Frame): void {
     this.#frame = frame;
     // A new attempt has started. An attempt that fails at once already has its outcome.
     if (this.#outcome && frame.ticks === 0 && frame.phase !== "outcome") this.#setOutcome(null);
-  }
-
-  showOutcome(outcome: Outcome): void {
-    this.#setOutcome(outcome);
   }
 
   // Null: no attempt has finished.

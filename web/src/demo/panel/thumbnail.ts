@@ -1,7 +1,7 @@
 // Thumbnail of a mesh, rasterised on the CPU: viewed from slightly above, lit from the left.
 
 import { Color, Matrix4, Vector3 } from "three";
-import type { Shape } from "../protocol";
+import type { Shape } from "../worker/protocol";
 
 const PIXELS = 56;
 const MARGIN = 2;

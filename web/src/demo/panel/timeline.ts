@@ -1,8 +1,8 @@
 // Timeline of an attempt: phase buttons and a slider over its ticks.
 
 import { element } from "../../common/dom";
-import type { Frame, WorkerRequest } from "../protocol";
-import { PLAYBACK } from "../strings";
+import { PLAYBACK } from "../app/strings";
+import type { Frame, WorkerRequest } from "../worker/protocol";
 
 // Control period (s).
 const TICK_S = 1 / 30;

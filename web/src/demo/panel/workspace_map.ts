@@ -2,8 +2,8 @@
 // attempt shows object pose and outcome; a click replays the attempt.
 
 import { element, svg } from "../../common/dom";
-import type { AttemptFinished, Rectangle } from "../protocol";
-import { BATCH } from "../strings";
+import { BATCH } from "../app/strings";
+import type { AttemptFinished, Rectangle } from "../worker/protocol";
 
 // Half length of the yaw line, radius of the click target, margin around the workspace (cm).
 const HALF_LINE = 1.4;

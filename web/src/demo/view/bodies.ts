@@ -10,7 +10,7 @@ import {
   MeshLambertMaterial,
   type Object3D,
 } from "three";
-import type { Link, ObjectLoaded } from "../protocol";
+import type { Link, ObjectLoaded } from "../worker/protocol";
 import type { Colors } from "./colors";
 import { toGeometry } from "./mesh_geometry";
 

@@ -2,7 +2,7 @@
 
 import { MathUtils, PerspectiveCamera, Quaternion, Spherical, Vector3 } from "three";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
-import type { Box, DepthCamera } from "../protocol";
+import type { Box, DepthCamera } from "../worker/protocol";
 
 export type Preset = "home" | "front" | "side" | "top" | "sensor";
 

@@ -11,7 +11,7 @@ import {
   PointsMaterial,
   Vector3,
 } from "three";
-import type { DepthCamera } from "../protocol";
+import type { DepthCamera } from "../worker/protocol";
 import type { Colors } from "./colors";
 
 // Closer to the view's camera than this, the frustum is hidden (m).

@@ -1,7 +1,7 @@
 // Pointer input on the object: moving it on the table, or pulling it during an attempt.
 
 import { type Camera, Plane, Raycaster, Vector2, Vector3 } from "three";
-import type { Drag, Rectangle } from "../protocol";
+import type { Drag, Rectangle } from "../worker/protocol";
 import type { ObjectBody } from "./bodies";
 
 export interface Draggable {

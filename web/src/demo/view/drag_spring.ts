@@ -1,7 +1,7 @@
 // Line of the spring with which the user pulls the object.
 
 import { BufferAttribute, BufferGeometry, type Group, Line, LineBasicMaterial, Vector3 } from "three";
-import type { Drag } from "../protocol";
+import type { Drag } from "../worker/protocol";
 import type { Colors } from "./colors";
 
 export class DragSpring {

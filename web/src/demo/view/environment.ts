@@ -15,7 +15,7 @@ import {
   ShadowMaterial,
 } from "three";
 import { RoundedBoxGeometry } from "three/examples/jsm/geometries/RoundedBoxGeometry.js";
-import type { Box, Rectangle } from "../protocol";
+import type { Box, Rectangle } from "../worker/protocol";
 import type { Colors } from "./colors";
 
 // Half width of the shadow map's frustum, edge radius of the table (m).

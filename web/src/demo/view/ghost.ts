@@ -2,7 +2,7 @@
 // the object are commanded to positions inside it.
 
 import { Group, Mesh, MeshBasicMaterial } from "three";
-import type { Frame } from "../protocol";
+import type { Frame } from "../worker/protocol";
 import type { Colors } from "./colors";
 import { PoseInterpolator } from "./pose_interpolation";
 

@@ -1,7 +1,7 @@
 // Highlights links whose joint is near a limit, visible through other geometry.
 
 import { type Group, Mesh, MeshBasicMaterial } from "three";
-import type { Frame, Joint } from "../protocol";
+import type { Frame, Joint } from "../worker/protocol";
 import type { Colors } from "./colors";
 
 // Distance from a limit that counts as near, as a fraction of the joint's range.

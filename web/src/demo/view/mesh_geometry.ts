@@ -1,7 +1,7 @@
 // Converts meshes of the protocol to three.js geometries.
 
 import { BufferAttribute, BufferGeometry } from "three";
-import type { Shape } from "../protocol";
+import type { Shape } from "../worker/protocol";
 
 // Minimum angle of a sharp edge (rad).
 const CREASE_ANGLE = 0.6;

@@ -1,7 +1,7 @@
 // Trajectory of the palm during an attempt.
 
 import { BufferAttribute, BufferGeometry, Line, LineBasicMaterial } from "three";
-import type { Frame } from "../protocol";
+import type { Frame } from "../worker/protocol";
 import type { Colors } from "./colors";
 
 // Index of the palm's body; numbers per pose.

@@ -1,7 +1,7 @@
 // 3-D view of the scene. Frames are rendered on demand: after a change, and while something moves.
 
 import { BasicShadowMap, type Group, PCFShadowMap, Scene, WebGLRenderer } from "three";
-import type { Cloud, Drag, Frame, ObjectLoaded, Phase, PlanarPose, Ready } from "../protocol";
+import type { Cloud, Drag, Frame, ObjectLoaded, Phase, PlanarPose, Ready } from "../worker/protocol";
 import { AdaptiveResolution } from "./adaptive_resolution";
 import { clear, ObjectBody, robotBodies } from "./bodies";
 import { OrbitCamera, type Preset } from "./camera";

@@ -1,9 +1,9 @@
 // Parameters of the page's URL: ?model=ID, with &training=JOB for a running training; ?mesh=ID or
 // ?episode=DATASET/INDEX. A share link in the fragment takes precedence.
 
-import { httpStatus } from "../common/strings";
-import type { Progress } from "./protocol";
-import type { ShareLink } from "./share_link";
+import { httpStatus } from "../../common/strings";
+import type { ShareLink } from "../share/share_link";
+import type { Progress } from "../worker/protocol";
 
 export interface UrlParams {
   model: string;

@@ -1,9 +1,9 @@
 // Self-check of the browser features that the page uses, each with a hint; opened by ?check or from the
 // footer.
 
-import { h } from "../common/dom";
+import { h } from "../../common/dom";
+import { VIDEO_FORMAT } from "../files/video_format";
 import { CHECK } from "./strings";
-import { VIDEO_FORMAT } from "./video_format";
 
 interface Feature {
   name: string;

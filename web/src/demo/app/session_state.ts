@@ -1,6 +1,7 @@
 // Session state to replay into a new worker: object, pose, speed.
 
-import type { Frame, ImportOptions, ObjectLoaded, Orientation, OrientationReason, WorkerRequest } from "./protocol";
+import type { Frame, ImportOptions, ObjectLoaded, Orientation, OrientationReason, WorkerRequest } from "../worker/protocol";
+import type { EventBus } from "./event_bus";
 
 type Upload = Extract<WorkerRequest, { kind: "upload" }>;
 
@@ -20,9 +21,10 @@ export class SessionState {
   #speed: WorkerRequest | null = null;
   #isNewWorker = false;
 
-  // A worker has started; it loads a default object.
-  ready(): void {
-    this.#isNewWorker = true;
+  constructor(bus: EventBus) {
+    // A new worker loads a default object.
+    bus.on("ready", () => (this.#isNewWorker = true));
+    bus.on("frame", (frame) => this.#showFrame(frame));
   }
 
   // A mesh was sent to the worker, which may reject it.
@@ -62,7 +64,7 @@ export class SessionState {
     return this.requests();
   }
 
-  showFrame({ pose, poseSeed, speed }: Frame): void {
+  #showFrame({ pose, poseSeed, speed }: Frame): void {
     this.#pose = poseSeed === null ? { kind: "place", pose } : { kind: "placeBySeed", seed: poseSeed };
     this.#speed = { kind: "speed", factor: speed };
   }

@@ -2,8 +2,8 @@
 
 import init, { start } from "sim/sim.js";
 import wasm from "sim/sim_bg.wasm?url";
+import { ERRORS } from "../app/strings";
 import type { Failure } from "./protocol";
-import { ERRORS } from "./strings";
 
 try {
   await init({ module_or_path: wasm });

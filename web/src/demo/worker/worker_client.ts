@@ -1,9 +1,9 @@
 // Client of a Web Worker: starts and restarts it, queues requests until it is ready, reports its fatal
 // errors.
 
+import { ERRORS } from "../app/strings";
 import { acquireWorker } from "./early_worker";
 import type { Failure, WorkerEvent, WorkerRequest } from "./protocol";
-import { ERRORS } from "./strings";
 
 export function loadModelRequest(id: string, onlyIfIdle = false): WorkerRequest {
   return { kind: "loadModel", id, base: new URL(".", document.baseURI).href, onlyIfIdle };

@@ -1,6 +1,6 @@
 // Entry of the page: starts the worker, then loads the rest of the page in parallel.
 
-import { startEarly } from "./early_worker";
+import { startEarly } from "../worker/early_worker";
 
 startEarly();
 import("./app").catch((error: unknown) => {

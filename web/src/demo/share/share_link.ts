@@ -1,8 +1,8 @@
 // Share link: object, pose, seed, policy, view, time and final state hash of an attempt. `ngf replay` reads
 // it too.
 
-import type { ImportOptions, Orientation, PlanarPose, Unit } from "./protocol";
-import { LINK } from "./strings";
+import { LINK } from "../app/strings";
+import type { ImportOptions, Orientation, PlanarPose, Unit } from "../worker/protocol";
 
 export interface ShareLink {
   // Name of a built-in object, or of the mesh file.

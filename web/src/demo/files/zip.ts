@@ -1,6 +1,6 @@
 // ZIP reader (APPNOTE 6.3, sections 4.3.7, 4.3.12, 4.3.16); the browser decompresses the entries.
 
-import { FILES } from "./strings";
+import { FILES } from "../app/strings";
 
 // Signatures of the end record and of a directory entry.
 const END = 0x06054b50;

@@ -1,6 +1,6 @@
 // Downloads bytes as a file.
 
-import { h } from "../common/dom";
+import { h } from "../../common/dom";
 
 export function download(name: string, bytes: Blob): void {
   const url = URL.createObjectURL(bytes);

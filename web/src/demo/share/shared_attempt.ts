@@ -1,8 +1,9 @@
 // Restores the attempt of a share link and checks that its final state hash matches.
 
-import type { Failure, Frame, ImportOptions, ObjectLoaded, Outcome, Ready, WorkerRequest } from "./protocol";
+import type { EventBus } from "../app/event_bus";
+import { LINK } from "../app/strings";
+import type { Failure, Frame, ImportOptions, ObjectLoaded, Outcome, Ready, WorkerRequest } from "../worker/protocol";
 import type { ShareLink } from "./share_link";
-import { LINK } from "./strings";
 
 export interface SharedAttemptEvents {
   send(request: WorkerRequest): void;
@@ -21,9 +22,11 @@ export class SharedAttempt {
   #hasModel = false;
   #stage: "loading" | "placed" | "running" | "finished" = "loading";
 
-  constructor(link: ShareLink, events: SharedAttemptEvents) {
+  constructor(bus: EventBus, link: ShareLink, events: SharedAttemptEvents) {
     this.#link = link;
     this.#events = events;
+    bus.on("frame", (frame) => this.#showFrame(frame));
+    bus.on("outcome", (outcome) => this.#showOutcome(outcome));
   }
 
   ready({ objects, sceneHash }: Ready): void {
@@ -76,14 +79,14 @@ export class SharedAttempt {
     this.#events.grasp(this.#link.seed);
   }
 
-  showFrame({ ticks, phase }: Frame): void {
+  #showFrame({ ticks, phase }: Frame): void {
     const { tick } = this.#link;
     if (this.#stage !== "finished" || tick === null || phase !== "outcome" || ticks < tick) return;
     this.#events.seek(tick);
     this.#link.tick = null;
   }
 
-  showOutcome(outcome: Outcome): void {
+  #showOutcome(outcome: Outcome): void {
     if (this.#stage !== "running" || !this.#isOfLink(outcome)) return;
     this.#stage = "finished";
     if (outcome.finalStateHash === this.#link.finalStateHash) this.#events.confirm();

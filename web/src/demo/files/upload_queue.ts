@@ -1,17 +1,17 @@
 // Uploads from the user to the worker. Requests made while a file is being read are delayed until it is sent.
 // Import options are stored per file and reused when the file is selected again.
 
+import { FILES } from "../app/strings";
+import type { Failure, ImportOptions, WorkerRequest } from "../worker/protocol";
 import { isRecording } from "./dropped_files";
-import type { Failure, ImportOptions, WorkerRequest } from "./protocol";
-import { FILES } from "./strings";
 
 const DEFAULT_OPTIONS: ImportOptions = { unit: null, massKg: null, orientation: null };
 
 type Upload = Extract<WorkerRequest, { kind: "upload" }>;
 
 export interface UploadEvents {
-  // Send the file to the worker.
-  send(request: Upload): void;
+  // Send the request to the workers.
+  send(request: WorkerRequest): void;
   // A mesh is about to be sent; the worker may reject it.
   meshPending(request: Upload, file: File): void;
   // The file is too large to be sent.
@@ -28,7 +28,7 @@ export class UploadQueue {
   // File whose bytes are being read, and its options.
   #reading: { file: File; options: ImportOptions } | null = null;
   // Requests made since then.
-  #delayed: (() => void)[] = [];
+  #delayed: WorkerRequest[] = [];
   readonly #options = new WeakMap<File, ImportOptions>();
   // Maximum size of a mesh file, from the worker.
   maxMeshBytes = Infinity;
@@ -68,15 +68,15 @@ export class UploadQueue {
     this.#flush();
   }
 
-  // Runs `act` after the file that is being read, to which it refers, has been sent.
-  afterUpload(act: () => void): void {
-    if (this.#reading) this.#delayed.push(act);
-    else act();
+  // Sends a request, after the file that is being read, to which it refers.
+  send(request: WorkerRequest): void {
+    if (this.#reading) this.#delayed.push(request);
+    else this.#events.send(request);
   }
 
   #flush(): void {
     this.#reading = null;
-    for (const act of this.#delayed.splice(0)) act();
+    for (const request of this.#delayed.splice(0)) this.#events.send(request);
   }
 
   async start(file: File, options = DEFAULT_OPTIONS): Promise<void> {

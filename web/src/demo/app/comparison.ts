@@ -1,22 +1,20 @@
 // Comparison with a second policy: same object, pose and seed in a second worker and view.
 
-import { element } from "../common/dom";
-import { fillOnFocus } from "./policy_options";
-import type { AttemptFinished, Failure, Outcome, WorkerEvent, WorkerRequest } from "./protocol";
+import { element } from "../../common/dom";
+import { fillOnFocus } from "../panel/policy_options";
+import type { View } from "../view/view";
+import type { Failure, Outcome, WorkerRequest } from "../worker/protocol";
+import { asSecondary, isFatal, loadModelRequest, WorkerClient } from "../worker/worker_client";
+import { EventBus } from "./event_bus";
 import { COMPARISON } from "./strings";
-import type { Layer, View } from "./view/view";
-import { asSecondary, isFatal, loadModelRequest, WorkerClient } from "./worker_client";
 
 export interface ComparisonEvents {
   // Requests that bring a new worker to the state of the first one.
   stateRequests(): WorkerRequest[];
-  // Creates the second view; null if nothing can be rendered.
-  createView(): View | null;
+  // Creates the second view, which shows the events of this bus; null if nothing can be rendered.
+  createView(bus: EventBus): View | null;
   // Camera of the first view.
   cameraView(): number[] | null;
-  // Attempt of the second policy in a batch, and the end of that batch; null is the current batch.
-  attemptFinished(attempt: AttemptFinished): void;
-  batchFinished(batchId: number | null): void;
   report(failure: Failure): void;
 }
 
@@ -27,7 +25,10 @@ const FIRST_ONLY = new Set<WorkerRequest["kind"]>(["loadModel", "exportRecording
 const ENDS_ATTEMPT = new Set<WorkerRequest["kind"]>(["loadObject", "upload", "place", "placeBySeed", "grasp", "reset"]);
 
 export class Comparison {
+  readonly #page: EventBus;
   readonly #events: ComparisonEvents;
+  // Events of the second worker.
+  readonly #second = new EventBus();
   readonly #select = element("compare", HTMLSelectElement);
   readonly #names = [element("policy-name-1", HTMLElement), element("policy-name-2", HTMLElement)] as const;
   #client: WorkerClient | null = null;
@@ -40,14 +41,39 @@ export class Comparison {
   // Request of the last attempt, unless a later request has ended it.
   #attempt: WorkerRequest | null = null;
 
-  constructor(events: ComparisonEvents) {
-    this.#events = events;
+  constructor(page: EventBus, events: ComparisonEvents) {
+    [this.#page, this.#events] = [page, events];
     this.#select.addEventListener("change", () => this.#start(this.#select.value));
     fillOnFocus(this.#select);
+    page.on("sent", ({ request }) => this.#send(request));
+    page.on("model", ({ id }) => this.#setFirst(id));
+    page.on("outcome", (outcome) => this.#showOutcome(outcome));
+    page.on("cameraMoved", ({ camera }) => {
+      if (this.#client) this.#view?.setView(camera);
+    });
+    this.#connectSecond();
+  }
+
+  #connectSecond(): void {
+    const second = this.#second;
+    second.on("model", ({ id }) => {
+      // The reason was already reported as a failure.
+      if (id === null) this.#start((this.#select.value = ""));
+      else this.#onModelLoaded();
+    });
+    second.on("outcome", ({ playback, text }) => {
+      this.#names[1].textContent = `${playback?.description ?? this.#select.value}: ${text}`;
+    });
+    second.on("attemptFinished", (attempt) => this.#page.emit({ kind: "secondAttemptFinished", attempt }));
+    second.on("batchFinished", ({ batchId }) => this.#page.emit({ kind: "secondBatchFinished", batchId }));
+    second.on("failure", (failure) => {
+      if (isFatal(failure)) this.#start((this.#select.value = ""));
+      this.#events.report(asSecondary(failure, COMPARISON.closed));
+    });
   }
 
   // Sets the name of the first policy.
-  setFirst(id: string | null): void {
+  #setFirst(id: string | null): void {
     this.#first = id ?? COMPARISON.planner;
     this.#names[0].textContent = this.#first;
   }
@@ -60,7 +86,7 @@ export class Comparison {
   }
 
   // Forwards a request of the first worker to the second one.
-  send(request: WorkerRequest): void {
+  #send(request: WorkerRequest): void {
     // The name replaces the outcome of the previous attempt.
     if (request.kind === "playGrasps") this.#names[0].textContent = this.#first;
     if (FIRST_ONLY.has(request.kind) || !this.#client) return;
@@ -77,8 +103,8 @@ export class Comparison {
   // Loads the object in the orientation that the first worker has chosen, then repeats the current attempt.
   reorient(object: WorkerRequest): void {
     const attempt = this.#attempt;
-    this.send(object);
-    if (attempt) this.send(attempt);
+    this.#send(object);
+    if (attempt) this.#send(attempt);
   }
 
   // The first worker was restarted.
@@ -87,17 +113,8 @@ export class Comparison {
   }
 
   // Shows the outcome of the first policy or of a playback.
-  showOutcome({ text, playback }: Outcome): void {
+  #showOutcome({ text, playback }: Outcome): void {
     this.#names[0].textContent = `${playback?.description ?? this.#first}: ${text}`;
-  }
-
-  // Follows the camera of the first view.
-  setCameraView(numbers: number[]): void {
-    if (this.#client) this.#view?.setView(numbers);
-  }
-
-  setLayer(layer: Layer, on: boolean): void {
-    this.#view?.setLayer(layer, on);
   }
 
   #showNames(): void {
@@ -107,14 +124,14 @@ export class Comparison {
   }
 
   #start(id: string): void {
-    if (this.#client) this.#events.batchFinished(null);
+    if (this.#client) this.#page.emit({ kind: "secondBatchFinished", batchId: null });
     this.#client?.terminate();
     [this.#client, this.#isReady, this.#waitingGrasp, this.#attempt] = [null, false, null, null];
     document.body.classList.toggle("is-compared", id !== "");
     this.#showNames();
     if (id === "") return;
-    this.#view ??= this.#events.createView();
-    const client = new WorkerClient(loadModelRequest(id), (event) => this.#onEvent(event));
+    if (!this.#view) this.#createView();
+    const client = new WorkerClient(loadModelRequest(id), (event) => this.#second.emit(event));
     this.#client = client;
     for (const request of this.#events.stateRequests()) client.send(request);
   }
@@ -126,42 +143,14 @@ export class Comparison {
     this.#waitingGrasp = null;
   }
 
-  #onEvent(event: WorkerEvent): void {
-    const view = this.#view;
-    switch (event.kind) {
-      case "ready": {
-        view?.show(event);
-        const camera = this.#events.cameraView();
-        if (camera) view?.setView(camera);
-        break;
-      }
-      case "object":
-        view?.showObject(event);
-        break;
-      case "frame":
-        view?.showFrame(event);
-        break;
-      case "cloud":
-        view?.showCloud(event);
-        break;
-      case "model":
-        // The reason was already reported as a failure.
-        if (event.id === null) this.#start((this.#select.value = ""));
-        else this.#onModelLoaded();
-        break;
-      case "outcome":
-        this.#names[1].textContent = `${event.playback?.description ?? this.#select.value}: ${event.text}`;
-        break;
-      case "attemptFinished":
-        this.#events.attemptFinished(event);
-        break;
-      case "batchFinished":
-        this.#events.batchFinished(event.batchId);
-        break;
-      case "failure":
-        if (isFatal(event)) this.#start((this.#select.value = ""));
-        this.#events.report(asSecondary(event, COMPARISON.closed));
-        break;
-    }
+  #createView(): void {
+    const view = this.#events.createView(this.#second);
+    if (!view) return;
+    this.#view = view;
+    // Subscribed after the view, which starts with the default camera.
+    this.#second.on("ready", () => {
+      const camera = this.#events.cameraView();
+      if (camera) view.setView(camera);
+    });
   }
 }

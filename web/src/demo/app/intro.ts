@@ -1,7 +1,8 @@
 // Introduction: replays a recording, then runs an attempt of the policy. Any user action ends it.
 
+import type { Outcome, WorkerRequest } from "../worker/protocol";
+import type { EventBus } from "./event_bus";
 import recordingUrl from "./recording.json?url";
-import type { Outcome, WorkerRequest } from "./protocol";
 
 // Delay between the outcome of the recording and the first attempt (ms).
 const PAUSE_MS = 1500;
@@ -25,9 +26,17 @@ export class Intro {
   // count.
   hasUserActed = false;
 
-  constructor(isEnabled: boolean, events: IntroEvents) {
+  constructor(bus: EventBus, isEnabled: boolean, events: IntroEvents) {
     this.#isActive = isEnabled;
     this.#events = events;
+    bus.on("requested", ({ request }) => this.#onRequest(request.kind));
+    bus.on("fileSelected", () => this.#onUpload());
+    bus.on("outcome", (outcome) => this.#showOutcome(outcome));
+    bus.on("stopped", () => this.stop());
+    // The recording may be of another scene.
+    bus.on("failure", ({ code }) => {
+      if (code === "invalid_recording") this.#finishRecording();
+    });
   }
 
   async ready(): Promise<void> {
@@ -37,7 +46,7 @@ export class Intro {
     // The user may have acted during the download.
     if (!this.#isActive || this.#isRecordingFinished) return;
     if (recording) this.#events.play(new File([recording], "recording.json"));
-    else this.finishRecording();
+    else this.#finishRecording();
   }
 
   hasModel(): void {
@@ -45,16 +54,16 @@ export class Intro {
     this.#startWhenReady();
   }
 
-  showOutcome({ playback }: Outcome): void {
-    if (playback && this.#isActive) setTimeout(() => this.finishRecording(), PAUSE_MS);
+  #showOutcome({ playback }: Outcome): void {
+    if (playback && this.#isActive) setTimeout(() => this.#finishRecording(), PAUSE_MS);
   }
 
-  onRequest(kind: WorkerRequest["kind"]): void {
+  #onRequest(kind: WorkerRequest["kind"]): void {
     if (!PASSIVE.has(kind)) this.stop();
     this.hasUserActed ||= INTERACTIONS.has(kind);
   }
 
-  onUpload(): void {
+  #onUpload(): void {
     this.stop();
     this.hasUserActed = true;
   }
@@ -64,7 +73,7 @@ export class Intro {
   }
 
   // The recording has ended or cannot be replayed.
-  finishRecording(): void {
+  #finishRecording(): void {
     this.#isRecordingFinished = true;
     this.#startWhenReady();
   }

@@ -1,6 +1,6 @@
 // Errors outside the worker: uncaught exceptions, rejected promises, loss of the network.
 
-import type { Failure } from "./protocol";
+import type { Failure } from "../worker/protocol";
 import { ERRORS } from "./strings";
 
 const OFFLINE = "offline";

@@ -1,7 +1,7 @@
 // Texts of the demo page. Static text is in index.html; the worker generates the texts about objects and
 // attempts.
 
-import type { Tally } from "./protocol";
+import type { Tally } from "../worker/protocol";
 
 export const ATTEMPT = {
   phases: {

@@ -1,9 +1,10 @@
 // Live training: loads each new checkpoint of a running job and repeats the attempt with it.
 
-import { type List, requestJson } from "../common/api";
-import { element } from "../common/dom";
-import { EventStream } from "../common/event_stream";
-import type { Frame, Model } from "./protocol";
+import { type List, requestJson } from "../../common/api";
+import { element } from "../../common/dom";
+import { EventStream } from "../../common/event_stream";
+import type { Frame, Model } from "../worker/protocol";
+import type { EventBus } from "./event_bus";
 import { TRAINING } from "./strings";
 
 // Time from an outcome to the next policy, long enough to be seen (ms).
@@ -38,7 +39,7 @@ export class LiveTraining {
   #isIdle = false;
   #timer = 0;
 
-  constructor(job: string, events: LiveTrainingEvents) {
+  constructor(bus: EventBus, job: string, events: LiveTrainingEvents) {
     this.#job = job;
     this.#events = events;
     this.#follow.addEventListener("change", () => this.#loadNewest());
@@ -48,6 +49,9 @@ export class LiveTraining {
       onLost: () => (this.#status.textContent = TRAINING.lost),
       onEvent: (event) => void (event.job === this.#job && this.#refresh()),
     });
+    bus.on("frame", (frame) => this.#showFrame(frame));
+    // No model was loaded during the batch.
+    bus.on("batchFinished", () => this.#loadNewest());
   }
 
   // Fetches the checkpoints and the status of the job.
@@ -78,7 +82,7 @@ export class LiveTraining {
   }
 
   // A running or just finished attempt is not interrupted.
-  showFrame({ phase }: Frame): void {
+  #showFrame({ phase }: Frame): void {
     if (phase !== "idle" && phase !== "outcome") {
       clearTimeout(this.#timer);
       [this.#timer, this.#isIdle, this.#requested] = [0, false, null];
@@ -95,11 +99,6 @@ export class LiveTraining {
     [this.#active, this.#requested] = [id, null];
     this.#showStatus();
     if (wasRequested && this.#isIdle) this.#events.grasp();
-  }
-
-  // A batch has finished, during which no model was loaded.
-  retry(): void {
-    this.#loadNewest();
   }
 
   // One download at a time: on a slow connection, checkpoints appear faster than they are downloaded.

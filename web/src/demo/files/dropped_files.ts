@@ -1,6 +1,6 @@
 // Files that the user drops, pastes or selects: single files, folders, ZIP archives.
 
-import { FILES } from "./strings";
+import { FILES } from "../app/strings";
 import { MAX_FILES, unzip } from "./zip";
 
 // Extensions that the worker reads: meshes, archives of meshes, recordings.

@@ -1,6 +1,6 @@
 // Options of policy selection lists. The list of models is fetched when a select element gets the focus.
 
-import { h } from "../common/dom";
+import { h } from "../../common/dom";
 
 export function fillOnFocus(select: HTMLSelectElement): void {
   const fill = () => void addModels(select);
