@@ -2,7 +2,8 @@
 //!
 //! `cargo run -p examples --example 03_import_mesh [FILE]`
 
-use objects::import::{ImportOptions, import_object};
+use objects::import::{ImportOptions, MOST_STABLE, import_object};
+use progress::NoProgress;
 
 /// A box of 60 x 40 x 120 mm, in millimetres, as OBJ.
 const BOX: &str = "v 0 0 0\nv 60 0 0\nv 60 40 0\nv 0 40 0\nv 0 0 120\nv 60 0 120\nv 60 40 120\n\
@@ -15,7 +16,7 @@ fn main() -> anyhow::Result<()> {
     };
     // Options override the defaults for unit, mass and orientation.
     let options = ImportOptions { mass: Some(0.25), ..ImportOptions::default() };
-    let imported = import_object(&name, &bytes, options, &mut ())?;
+    let imported = import_object(&name, &bytes, options, MOST_STABLE, &NoProgress)?;
 
     let object = &imported.object;
     println!("{name}: {}", imported.unit.reason);

@@ -10,9 +10,8 @@ fn main() -> anyhow::Result<()> {
     let robot = RobotContext::standard()?;
     let object = Object::from_catalog("sugar_box").expect("a built-in object");
     let config = SearchConfig::quick(&robot);
-    let (set, robust) = search(&robot, &object, &config, 0, |fraction| {
-        print!("\r{:3.0} %", 100.0 * fraction);
-    })?;
+    let print = |_: &str, done: usize, total: usize| print!("\r{:3} %", 100 * done / total);
+    let (set, robust) = search(&robot, &object, &config, 0, &print)?;
     println!(
         "\r{} candidates, {} closed, {} tried, {} lifted",
         set.num_candidates, set.num_closed, set.num_tried, set.num_lifted

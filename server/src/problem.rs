@@ -231,15 +231,9 @@ impl Problem {
         Self::new(StatusCode::NOT_ACCEPTABLE, ProblemCode::NotAcceptable, detail, hint)
     }
 
-    /// Invalid mesh file. The last sentence of the parser's message becomes the hint.
-    pub(crate) fn invalid_mesh(message: &str) -> Self {
-        let (detail, hint) = message.rsplit_once(". ").unwrap_or((message, "Try another file"));
-        Self::new(
-            StatusCode::UNPROCESSABLE_ENTITY,
-            ProblemCode::InvalidMesh,
-            detail.to_owned(),
-            hint,
-        )
+    /// Invalid mesh file; see [`mesh::MeshError::cause_and_hint`].
+    pub(crate) fn invalid_mesh((detail, hint): (String, String)) -> Self {
+        Self::new(StatusCode::UNPROCESSABLE_ENTITY, ProblemCode::InvalidMesh, detail, &hint)
     }
 
     /// The body exceeds the size limit.

@@ -1,7 +1,7 @@
 //! Inference network (`policy`) against training network (`imitation`, candle) on states of a dataset.
 
 use configs::DatasetConfig;
-use datagen::NoProgress;
+use progress::NoProgress;
 use grasps::RobotContext;
 use imitation::data::split;
 use imitation::models::encoder::TrainedEncoder;

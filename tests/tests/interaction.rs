@@ -7,6 +7,7 @@ use grasps::set::k_medoids;
 use objects::import::{self, ImportOptions, OrientationReason};
 use objects::object::Object;
 use objects::shape_variant::ShapeVariant;
+use progress::NoProgress;
 use policy::model::MODEL_FILES;
 use rollout::{Attempt, Controller, FailureReason, Outcome, Phase, RolloutContext};
 use scene::Simulation;
@@ -42,7 +43,8 @@ fn unstable_mesh_gets_the_orientation_of_similar_training_objects() {
             "tilted.obj",
             file.as_bytes(),
             ImportOptions::default(),
-            &mut &context,
+            &|poses| context.most_familiar(poses),
+            &NoProgress,
         )
         .unwrap();
         println!("{name}: {:?}, {} of {height} m high", found.orientation, found.object.size().z);

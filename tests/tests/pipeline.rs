@@ -1,7 +1,7 @@
 //! End-to-end pipeline at toy size: demonstrations, encoder, policy, model files, attempt.
 
 use configs::{AutoencoderConfig, DaggerConfig, DatasetConfig};
-use datagen::NoProgress;
+use progress::NoProgress;
 use grasps::RobotContext;
 use imitation::data::demo_group::DemoGroup;
 use imitation::data::split;
@@ -27,7 +27,7 @@ fn tiny_model_is_trained_resumed_and_executed() {
     let objects = built_in_objects(config.all_objects()).unwrap();
     let dataset = datagen::create(&data, &config, &objects, false).unwrap();
     datagen::generate(&dataset, &robot, &objects, &NoProgress).unwrap();
-    let rows = dataset.verify(&|_, _| ()).unwrap();
+    let rows = dataset.verify(&NoProgress).unwrap();
     let records = dataset.read_poses(0).unwrap();
     assert_eq!(rows, records.iter().map(|record| record.offsets.last().unwrap()).sum::<usize>());
     let other = DatasetConfig { seed: 2, ..config };

@@ -6,8 +6,7 @@ use geometry::Vec3;
 use mesh::{Mesh, SimplifyReport};
 use objects::catalog::{YCB_FAMILY, entries_of_family};
 use objects::import::{
-    self, DEFAULT_DENSITY, ImportCallbacks, ImportOptions, ImportStep, ImportedObject, MASS_RANGE,
-    MassSource,
+    self, DEFAULT_DENSITY, ImportOptions, ImportedObject, MASS_RANGE, MassSource, stage,
 };
 use objects::object::Object;
 use robot::HandModel;
@@ -56,25 +55,12 @@ pub(crate) fn load_built_in(name: &str) -> Result<LoadedObject, Failure> {
     })
 }
 
-/// Callbacks of an import: reports progress, and lets the model choose the orientation.
-struct ImportProgress<'a> {
-    file_name: &'a str,
-    context: &'a RolloutContext,
-    report: &'a dyn Fn(String),
-}
-
-impl ImportCallbacks for ImportProgress<'_> {
-    fn step(&mut self, stage: ImportStep) {
-        let file_name = self.file_name;
-        (self.report)(match stage {
-            ImportStep::Parse => format!("Reading {file_name}"),
-            ImportStep::StablePoses => format!("Computing stable poses of {file_name}"),
-            ImportStep::Decompose => format!("Decomposing {file_name} into convex parts"),
-        });
-    }
-
-    fn choose_orientation(&mut self, sides: impl Iterator<Item = Mesh>) -> Option<usize> {
-        self.context.most_familiar(sides)
+/// Text of a stage of an import.
+fn stage_text(stage: &str, file_name: &str) -> String {
+    match stage {
+        stage::STABLE_POSES => format!("Computing stable poses of {file_name}"),
+        stage::DECOMPOSE => format!("Decomposing {file_name} into convex parts"),
+        _ => format!("Reading {file_name}"),
     }
 }
 
@@ -86,18 +72,17 @@ pub(crate) fn import_mesh(
     context: &RolloutContext,
     report: &dyn Fn(String),
 ) -> Result<LoadedObject, Failure> {
-    let mut progress = ImportProgress { file_name, context, report };
-    let imported =
-        import::import_object(file_name, bytes, options, &mut progress).map_err(|error| {
-            let message = error.to_string();
-            // The message ends with the hint as a separate sentence.
-            let (cause, hint) = message.rsplit_once(". ").unwrap_or((&message, "Try another file"));
-            Failure {
-                code: "invalid_mesh",
-                message: format!("{file_name}: {cause}."),
-                hint: format!("{hint}."),
-            }
-        })?;
+    let progress = |stage: &str, _: usize, _: usize| report(stage_text(stage, file_name));
+    let choose = |poses: &mut dyn Iterator<Item = Mesh>| context.most_familiar(poses);
+    let imported = import::import_object(file_name, bytes, options, &choose, &progress);
+    let imported = imported.map_err(|error| {
+        let (cause, hint) = error.cause_and_hint();
+        Failure {
+            code: "invalid_mesh",
+            message: format!("{file_name}: {cause}."),
+            hint: format!("{hint}."),
+        }
+    })?;
     let report = ObjectInfo {
         unit: Some(imported.unit.unit),
         unit_reason: Some(format!("{}.", imported.unit.reason)),

@@ -252,13 +252,13 @@ impl Worker {
     }
 
     fn search_grasps(&self, seed: u32) {
-        let progress = |fraction: f32| {
+        let progress = |_: &str, done: usize, total: usize| {
             let (label, unit) = ("Searching for a grasp".into(), ProgressUnit::Steps);
-            let (done, total) = (f64::from(fraction * 100.0).round(), Some(100.0));
+            let (done, total) = (done as f64, Some(total as f64));
             let progress = Progress { label, done, total, unit, finished: false };
             post(&Event::Progress(progress));
         };
-        let found = self.session.search_grasps(seed, progress);
+        let found = self.session.search_grasps(seed, &progress);
         post(&Event::Progress(Progress::complete()));
         match found {
             Ok(found) => post(&Event::GraspsFound(found)),

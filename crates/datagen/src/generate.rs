@@ -22,6 +22,7 @@ use grasps::{GraspSet, PlacedObject, RobotContext};
 use objects::catalog::{Objects, parse_variant, reference_object};
 use objects::object::Object;
 use objects::shape_variant::ShapeVariant;
+use progress::{NoProgress, Progress};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
@@ -30,26 +31,6 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Surface points per object, enough for symmetric objects to have symmetric moments.
 const SURFACE_POINTS: usize = 4096;
-
-/// Progress callbacks, and cancellation.
-pub trait Progress: Sync {
-    /// Reports that `done` of `total` items of a stage are finished.
-    fn update(&self, stage: &str, done: usize, total: usize);
-
-    /// Whether generation must stop before the next file.
-    fn is_stopped(&self) -> bool;
-}
-
-/// No-op implementation.
-pub struct NoProgress;
-
-impl Progress for NoProgress {
-    fn update(&self, _: &str, _: usize, _: usize) {}
-
-    fn is_stopped(&self) -> bool {
-        false
-    }
-}
 
 /// Provenance of a dataset of these objects in the current scene.
 pub fn provenance(config: &DatasetConfig, objects: &Objects) -> Provenance {
@@ -73,7 +54,7 @@ pub fn generate(
     dataset: &Dataset,
     robot: &RobotContext,
     objects: &Objects,
-    progress: &dyn Progress,
+    progress: &(dyn Progress + Sync),
 ) -> Result<Manifest> {
     if !dataset.dir.join(MANIFEST_FILE).exists() {
         let generator = Generator { dataset, robot, objects, progress };
@@ -100,7 +81,7 @@ pub(crate) struct Generator<'a> {
     pub(crate) dataset: &'a Dataset,
     pub(crate) robot: &'a RobotContext,
     pub(crate) objects: &'a Objects,
-    pub(crate) progress: &'a dyn Progress,
+    pub(crate) progress: &'a (dyn Progress + Sync),
 }
 
 impl Generator<'_> {
@@ -146,7 +127,7 @@ impl Generator<'_> {
                 let first = transferred(exemplar, None)?;
                 Ok(first.map_or(own.clone(), |first| first.chain(own)))
             }
-            (None, _) => Ok(search(robot, object, &search_config, seed, |_| ())?.0),
+            (None, _) => Ok(search(robot, object, &search_config, seed, &NoProgress)?.0),
         }
     }
 
@@ -244,13 +225,13 @@ pub(crate) struct FileBatch<'a, P> {
     stage: &'a str,
     total: usize,
     missing: Vec<usize>,
-    progress: &'a dyn Progress,
+    progress: &'a (dyn Progress + Sync),
     path: P,
 }
 
 impl<'a, P: Fn(usize) -> PathBuf + Sync> FileBatch<'a, P> {
     /// Finds the missing files among `total` paths.
-    pub(crate) fn new(name: &'a str, total: usize, progress: &'a dyn Progress, path: P) -> Self {
+    pub(crate) fn new(name: &'a str, total: usize, progress: &'a (dyn Progress + Sync), path: P) -> Self {
         let missing: Vec<usize> = (0..total).filter(|i| !path(*i).exists()).collect();
         progress.update(name, total - missing.len(), total);
         Self { stage: name, total, missing, progress, path }

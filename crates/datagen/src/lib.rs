@@ -11,4 +11,4 @@ pub mod poses;
 pub mod report;
 mod summary;
 
-pub use generate::{NoProgress, Progress, create, generate, provenance, read_grasps};
+pub use generate::{create, generate, provenance, read_grasps};

@@ -3,6 +3,7 @@
 use anyhow::{Context, Result, bail, ensure};
 use dataset_manifest::{CONFIG_FILE, FileEntry, MANIFEST_FILE, Manifest, Provenance, SUMMARY_FILE};
 use files::atomic_file;
+use progress::Progress;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
@@ -36,10 +37,10 @@ pub fn write(manifest: &Manifest, dir: &Path) -> Result<()> {
 pub fn verify_files(
     manifest: &Manifest,
     dir: &Path,
-    progress: &dyn Fn(usize, usize),
+    progress: &dyn Progress,
 ) -> Result<()> {
     for (i, wanted) in manifest.files.iter().enumerate() {
-        progress(i, manifest.files.len());
+        progress.update("check hashes", i, manifest.files.len());
         let path = PathBuf::from(&wanted.path);
         ensure!(dir.join(&path).exists(), "{} is missing", wanted.path);
         let found = hash_file(dir, &path)?;
@@ -153,6 +154,7 @@ fn hash_file(dir: &Path, path: &Path) -> Result<FileEntry> {
 mod tests {
     use super::*;
     use configs::DatasetConfig;
+    use progress::NoProgress;
     use std::collections::BTreeMap;
 
     fn folder() -> (tempfile::TempDir, Manifest) {
@@ -170,7 +172,7 @@ mod tests {
     fn verify_names_file_when_changed_missing_or_foreign() {
         let (folder, manifest) = folder();
         let dir = folder.path();
-        let verify = || verify_files(&manifest, dir, &|_, _| ()).map_err(|error| error.to_string());
+        let verify = || verify_files(&manifest, dir, &NoProgress).map_err(|error| error.to_string());
         assert_eq!(Manifest::read(dir).unwrap(), manifest);
         verify().unwrap();
         std::fs::write(dir.join("log.jsonl"), b"two\n").unwrap();

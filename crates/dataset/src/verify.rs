@@ -7,6 +7,7 @@ use crate::parquet_io;
 use crate::shard::STATE_DIM;
 use anyhow::{Context, Result, ensure};
 use dataset_manifest::Manifest;
+use progress::Progress;
 use robot::DOF;
 use robot::integrator::CONTROL_DT;
 
@@ -14,14 +15,13 @@ use robot::integrator::CONTROL_DT;
 const F32_TOLERANCE: f64 = 1e-4;
 
 impl Dataset {
-    /// Checks hashes and rows; returns the number of rows. `progress` receives the number of finished files
-    /// and the total.
-    pub fn verify(&self, progress: &dyn Fn(usize, usize)) -> Result<usize> {
+    /// Checks hashes and rows; returns the number of rows.
+    pub fn verify(&self, progress: &dyn Progress) -> Result<usize> {
         manifest::verify_files(&Manifest::read(&self.dir)?, &self.dir, progress)?;
         let files = self.file_index(self.config.objects.len(), 0);
         let mut rows = 0;
         for file in 0..files {
-            progress(file, files);
+            progress.update("check rows", file, files);
             let path = data_file_path(&self.dir, file);
             if !path.exists() {
                 // No pose of this file has a demonstration.

@@ -154,3 +154,11 @@ pub enum MeshError {
         unit: Unit,
     },
 }
+impl MeshError {
+    /// The two sentences of the message, without full stops: what is wrong, and what helps.
+    pub fn cause_and_hint(&self) -> (String, String) {
+        let message = self.to_string();
+        let (cause, hint) = message.rsplit_once(". ").unwrap_or((&message, "Try another file"));
+        (cause.to_owned(), hint.to_owned())
+    }
+}

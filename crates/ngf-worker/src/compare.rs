@@ -11,6 +11,7 @@ use files::atomic_file;
 use grasps::set::catalog::catalog_grasps;
 use imitation::data::split;
 use indicatif::ProgressBar;
+use objects::import::MOST_STABLE;
 use objects::object::Object;
 use policy::PolicyConfig;
 use policy::network::{NetworkConfig, POLICY_NAMES};
@@ -186,7 +187,7 @@ fn parse_object(text: &str) -> Result<SelectedObject> {
             let mass =
                 object_selection::check_positive(&format!("{text}: the mass"), mass, "kilograms")?;
             // No orientation chooser: every policy gets the same object.
-            object_selection::import_mesh(Path::new(file), &MassSpec::Mass(mass), &mut ())
+            object_selection::import_mesh(Path::new(file), &MassSpec::Mass(mass), MOST_STABLE)
         }
     }
 }

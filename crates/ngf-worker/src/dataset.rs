@@ -5,7 +5,7 @@ use crate::progress_bar::Bar;
 use anyhow::{Context, Result};
 use clap::builder::{PossibleValue, PossibleValuesParser};
 use configs::dataset::{DatasetConfig, PRESETS};
-use datagen::Progress;
+use progress::Progress;
 use dataset::Dataset;
 use dataset::episodes::EpisodeEntry;
 use dataset_manifest::{Manifest, Summary};
@@ -331,7 +331,8 @@ fn export_episode(dir: &Path, index: usize, out: &Path) -> Result<()> {
 fn verify(dir: &Path) -> Result<()> {
     let dataset = Dataset::open(dir)?;
     let bar = Bar::new("verify", 0);
-    let rows = dataset.verify(&|done, total| bar.update(done, total))?;
+    let progress = |_: &str, done: usize, total: usize| bar.update(done, total);
+    let rows = dataset.verify(&progress)?;
     bar.clear();
     println!("{}: all file hashes match, {rows} rows satisfy Eq. 6 and 7", dir.display());
     Ok(())

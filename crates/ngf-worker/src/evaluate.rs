@@ -110,9 +110,9 @@ pub(crate) fn seeds(first: u64, attempts: usize) -> Result<Range<u64>> {
 }
 
 /// Selected objects. The model of `context` chooses the stable pose of a mesh, as on the page.
-fn select_objects(options: &Options, mut context: &RolloutContext) -> Result<Vec<SelectedObject>> {
+fn select_objects(options: &Options, context: &RolloutContext) -> Result<Vec<SelectedObject>> {
     if options.family.is_empty() {
-        return Ok(vec![options.object.load_with(&mut context)?]);
+        return Ok(vec![options.object.load_with(&|poses| context.most_familiar(poses))?]);
     }
     let families: BTreeSet<&str> = CATALOG.iter().map(|entry| entry.family).collect();
     if let Some(unknown) = options.family.iter().find(|name| !families.contains(name.as_str())) {

@@ -85,16 +85,16 @@ pub(crate) fn run(options: &Options) -> Result<()> {
         chooser.cache.delete()?;
         return write_set(options, robot, (name, object), &set);
     }
-    let bar = Bar::new(&format!("{name}: grasps"), 100);
-    let progress = |fraction| bar.set((fraction * 100.0) as usize);
+    let bar = Bar::new(&format!("{name}: grasps"), 0);
+    let progress = |_: &str, done: usize, total: usize| bar.update(done, total);
     let (set, reliable) = match &options.import {
-        None => search(&robot, &object, &config, options.seed, progress)?,
+        None => search(&robot, &object, &config, options.seed, &progress)?,
         Some(path) => {
             let bytes =
                 std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))?;
             let file = GraspFile::parse(&bytes)?;
             let imported = file.convert(&robot.tree, &object)?;
-            try_imported(&robot, &object, &config, &imported, options.seed, progress)?
+            try_imported(&robot, &object, &config, &imported, options.seed, &progress)?
         }
     };
     bar.clear();

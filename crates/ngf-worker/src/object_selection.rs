@@ -3,8 +3,9 @@
 use anyhow::{Context, Result, bail};
 use mesh::SimplifyReport;
 use objects::catalog::CATALOG;
-use objects::import::{self, ImportCallbacks, ImportOptions, Orientation};
+use objects::import::{self, MOST_STABLE, OrientationChooser, ImportOptions, Orientation};
 use objects::object::Object;
+use progress::NoProgress;
 use std::ffi::OsStr;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -91,14 +92,14 @@ impl ObjectOptions {
 
     /// Loads the object with the default stable pose.
     pub(crate) fn load(&self) -> Result<SelectedObject> {
-        self.load_with(&mut ())
+        self.load_with(MOST_STABLE)
     }
 
-    /// Loads the object; `guide` chooses a stable pose if the orientation in the file is unstable.
-    pub(crate) fn load_with(&self, guide: &mut impl ImportCallbacks) -> Result<SelectedObject> {
+    /// Loads the object; `chooser` selects a stable pose if the orientation in the file is unstable.
+    pub(crate) fn load_with(&self, chooser: OrientationChooser) -> Result<SelectedObject> {
         let subject = match (&self.object, &self.mesh) {
             (Some(name), None) => SelectedObject::built_in(name)?,
-            (None, Some(path)) => import_mesh(path, &self.mass_spec()?, guide)?,
+            (None, Some(path)) => import_mesh(path, &self.mass_spec()?, chooser)?,
             _ => bail!(
                 "select an object with --object, or a mesh file with --mesh and --mass or --density"
             ),
@@ -120,7 +121,7 @@ impl ObjectOptions {
 pub(crate) fn import_mesh(
     path: &Path,
     heaviness: &MassSpec,
-    guide: &mut impl ImportCallbacks,
+    chooser: OrientationChooser,
 ) -> Result<SelectedObject> {
     let bytes = read_mesh_file(path).with_context(|| format!("cannot read {}", path.display()))?;
     let text = |name: Option<&OsStr>| name.unwrap_or_default().to_string_lossy().into_owned();
@@ -131,7 +132,7 @@ pub(crate) fn import_mesh(
         MassSpec::Density(_) => None,
     };
     let import_options = ImportOptions { mass, ..ImportOptions::default() };
-    let found = import::import_object(&name, &bytes, import_options, guide)
+    let found = import::import_object(&name, &bytes, import_options, chooser, &NoProgress)
         .with_context(|| format!("{} is not a usable mesh", path.display()))?;
     if let Some(SimplifyReport { triangles_before: from, .. }) = found.simplified {
         eprintln!("{name}: simplified from {from} triangles");

@@ -7,6 +7,7 @@
 
 use crate::object::{DEFAULT_FRICTION, Object};
 use mesh::{self, ImportedMesh, Mesh, MeshError, RepairReport, ResolvedUnit, SimplifyReport, Unit};
+use progress::Progress;
 
 /// Density (kg/m³) assumed if no mass is given: that of a packed box of food.
 pub const DEFAULT_DENSITY: f64 = 600.0;
@@ -60,7 +61,7 @@ pub enum OrientationReason {
     Settled,
     /// The orientation of the file is unstable: the most stable pose is used.
     Unstable,
-    /// The orientation of the file is unstable: [`ImportCallbacks::choose_orientation`] selected the pose.
+    /// The orientation of the file is unstable: an [`OrientationChooser`] selected the pose.
     ChosenByModel,
 }
 
@@ -104,46 +105,40 @@ pub struct ImportedObject {
     pub orientation: (Orientation, OrientationReason),
 }
 
-/// Step of an import; each takes noticeable time for a large mesh.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum ImportStep {
+/// Stages of an import in its progress reports; each takes noticeable time for a large mesh.
+pub mod stage {
     /// Parse and repair the triangles.
-    Parse,
+    pub const PARSE: &str = "parse";
     /// Compute the stable poses.
-    StablePoses,
+    pub const STABLE_POSES: &str = "stable poses";
     /// Decompose the mesh into convex parts.
-    Decompose,
+    pub const DECOMPOSE: &str = "convex parts";
 }
 
-/// Callbacks during an import.
-pub trait ImportCallbacks {
-    /// Reports the start of a step.
-    fn step(&mut self, _: ImportStep) {}
+/// Chooses a stable pose for a mesh that is unstable in the orientation of its file.
+///
+/// Receives the mesh in each stable pose, the most stable first; returns the index of one. `None` selects the
+/// first.
+pub type OrientationChooser<'a> = &'a dyn Fn(&mut dyn Iterator<Item = Mesh>) -> Option<usize>;
 
-    /// Chooses a stable pose for a mesh that is unstable in the orientation of its file.
-    ///
-    /// Receives the mesh in each stable pose, the most stable first. `None` selects the first.
-    fn choose_orientation(&mut self, _: impl Iterator<Item = Mesh>) -> Option<usize> {
-        None
-    }
-}
-
-/// No-op implementation.
-impl ImportCallbacks for () {}
+/// Chooses the most stable pose.
+pub const MOST_STABLE: OrientationChooser<'static> = &|_| None;
 
 /// Imports an object from the bytes of a mesh file.
 pub fn import_object(
     file_name: &str,
     bytes: &[u8],
     options: ImportOptions,
-    callbacks: &mut impl ImportCallbacks,
+    choose_orientation: OrientationChooser,
+    progress: &dyn Progress,
 ) -> Result<ImportedObject, MeshError> {
-    callbacks.step(ImportStep::Parse);
+    let report = |stage, done| progress.update(stage, done, 3);
+    report(stage::PARSE, 0);
     let ImportedMesh { mesh, unit, repair, simplified, is_y_up } =
         mesh::import(bytes, options.unit)?;
     let properties = mesh::mass_properties(&mesh, repair.watertight)?;
     let (kg, mass_source) = estimate_mass(properties.volume, options.mass);
-    callbacks.step(ImportStep::StablePoses);
+    report(stage::STABLE_POSES, 1);
     let mut poses = mesh::stable_poses(&mesh.vertices, properties.center_of_mass);
     // All poses count here: a round body has many that are more stable than the upright one.
     let is_stable = poses.is_empty()
@@ -168,9 +163,8 @@ pub fn import_object(
         }
         (None, None) if is_stable => (Orientation::AsInFile, OrientationReason::Given),
         (None, None) => {
-            match callbacks
-                .choose_orientation(poses.iter().map(|pose| mesh.clone().rotated(&pose.rotation)))
-            {
+            let mut meshes = poses.iter().map(|pose| mesh.clone().rotated(&pose.rotation));
+            match choose_orientation(&mut meshes) {
                 Some(index) => (Orientation::StablePose(index), OrientationReason::ChosenByModel),
                 None => (Orientation::StablePose(0), OrientationReason::Unstable),
             }
@@ -182,7 +176,7 @@ pub fn import_object(
         }
         _ => (mesh, Orientation::AsInFile),
     };
-    callbacks.step(ImportStep::Decompose);
+    report(stage::DECOMPOSE, 2);
     let parts = mesh::decompose(&mesh).hulls;
     let object = Object::new(file_name, mesh, repair.watertight, parts, kg, DEFAULT_FRICTION)?;
     Ok(ImportedObject {
@@ -221,34 +215,28 @@ fn estimate_mass(volume: f64, given: Option<f32>) -> (f32, MassSource) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use progress::NoProgress;
+    use std::cell::RefCell;
 
     // A box of 40 x 60 x 120 mm.
     const BOX: &str = "v 0 0 0\nv 40 0 0\nv 40 60 0\nv 0 60 0\nv 0 0 120\nv 40 0 120\nv 40 60 120\n\
         v 0 60 120\nf 1 4 3 2\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n";
 
     fn import_obj(text: &str, options: ImportOptions) -> ImportedObject {
-        let mut callbacks = TallestPose::default();
-        let found = import_object("box.obj", text.as_bytes(), options, &mut callbacks).unwrap();
-        assert_eq!(
-            callbacks.0,
-            [ImportStep::Parse, ImportStep::StablePoses, ImportStep::Decompose]
-        );
+        let stages = RefCell::new(Vec::new());
+        let progress = |stage: &str, done: usize, total: usize| {
+            assert_eq!((done, total), (stages.borrow().len(), 3));
+            stages.borrow_mut().push(stage.to_owned());
+        };
+        let found =
+            import_object("box.obj", text.as_bytes(), options, &tallest_pose, &progress).unwrap();
+        assert_eq!(stages.into_inner(), [stage::PARSE, stage::STABLE_POSES, stage::DECOMPOSE]);
         found
     }
 
-    /// Records the steps, and chooses the tallest pose.
-    #[derive(Default)]
-    struct TallestPose(Vec<ImportStep>);
-
-    impl ImportCallbacks for TallestPose {
-        fn step(&mut self, step: ImportStep) {
-            self.0.push(step);
-        }
-
-        fn choose_orientation(&mut self, poses: impl Iterator<Item = Mesh>) -> Option<usize> {
-            let heights = poses.map(|mesh| mesh.extent().z).enumerate();
-            heights.max_by(|(_, a), (_, b)| a.total_cmp(b)).map(|(index, _)| index)
-        }
+    fn tallest_pose(poses: &mut dyn Iterator<Item = Mesh>) -> Option<usize> {
+        let heights = poses.map(|mesh| mesh.extent().z).enumerate();
+        heights.max_by(|(_, a), (_, b)| a.total_cmp(b)).map(|(index, _)| index)
     }
 
     #[test]
@@ -326,7 +314,7 @@ mod tests {
             num_scans += 1;
             let height = import.mesh.extent().z;
             let found =
-                import_object("scan.obj", &bytes, ImportOptions::default(), &mut ()).unwrap();
+                import_object("scan.obj", &bytes, ImportOptions::default(), MOST_STABLE, &NoProgress).unwrap();
             println!(
                 "{path:?}: {:?}, {} of {height} m high",
                 found.orientation,
@@ -349,13 +337,13 @@ mod tests {
             let tilted = raised.into_iter().fold(BOX.to_owned(), raise);
             assert_ne!(tilted, BOX);
             let found =
-                import_object("box.obj", tilted.as_bytes(), ImportOptions::default(), &mut ())
+                import_object("box.obj", tilted.as_bytes(), ImportOptions::default(), MOST_STABLE, &NoProgress)
                     .unwrap();
             assert_eq!(found.orientation.1, OrientationReason::Unstable, "{raised:?}");
         }
         let tilted = BOX.replace("v 40 60 0", "v 40 60 90").replace("v 40 0 0", "v 40 0 90");
         let most_stable =
-            import_object("box.obj", tilted.as_bytes(), ImportOptions::default(), &mut ()).unwrap();
+            import_object("box.obj", tilted.as_bytes(), ImportOptions::default(), MOST_STABLE, &NoProgress).unwrap();
         assert_eq!(
             most_stable.orientation,
             (Orientation::StablePose(0), OrientationReason::Unstable)

@@ -5,7 +5,6 @@ use crate::rollout_context::RolloutContext;
 use geometry::{Pose, Vec3, point_cloud};
 use mesh::Mesh;
 use objects::catalog::parse_variant;
-use objects::import::ImportCallbacks;
 use policy::{Model, Observation};
 use scene::camera::RenderMesh;
 
@@ -72,12 +71,5 @@ impl RolloutContext {
             meshes.enumerate().filter_map(|(index, mesh)| Some((index, total_error(mesh)?)));
         let best = errors.min_by(|(_, a), (_, b)| a.total_cmp(b));
         best.map(|(index, _)| index)
-    }
-}
-
-/// Chooses the most familiar stable pose for meshes with an unstable orientation.
-impl ImportCallbacks for &RolloutContext {
-    fn choose_orientation(&mut self, poses: impl Iterator<Item = Mesh>) -> Option<usize> {
-        self.most_familiar(poses)
     }
 }

@@ -63,8 +63,8 @@ pub(crate) async fn upload(
         let summary = mesh::import(&bytes, None).and_then(|import| MeshSummary::of(&import));
         (summary, bytes)
     });
-    let (summary, bytes) = inspected.await.map_err(|_| Problem::invalid_mesh(PARSER_PANICKED))?;
-    let summary = summary.map_err(|error| Problem::invalid_mesh(&error.to_string()))?;
+    let (summary, bytes) = inspected.await.map_err(|_| Problem::invalid_mesh(PARSER_PANICKED.map(str::to_owned).into()))?;
+    let summary = summary.map_err(|error| Problem::invalid_mesh(error.cause_and_hint()))?;
     let id = format!("msh_{}", &blake3::hash(&bytes).to_hex()[..16]);
     let _guard = MESH_LOCK.lock().await;
     if let Some(known) = scheduler.store.record(RecordKind::Mesh, &id).await? {
@@ -107,7 +107,7 @@ const UPLOAD_TIMEOUT: Duration = Duration::from_secs(600);
 static PARSE_PERMITS: Semaphore = Semaphore::const_new(2);
 
 /// Message if the parser panics.
-const PARSER_PANICKED: &str = "the mesh cannot be parsed. Try another file";
+const PARSER_PANICKED: [&str; 2] = ["the mesh cannot be parsed", "Try another file"];
 
 /// Writes an upload to a file and returns its name; rejected as soon as it exceeds the size limit. Writing to
 /// disk bounds the memory of many slow uploads.

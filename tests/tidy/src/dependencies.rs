@@ -11,24 +11,25 @@ use toml::{Table, Value};
 /// ARCHITECTURE.md describes the crates. `policy`, `rollout` and their dependencies run in the browser and
 /// must not depend on candle. `server` links no physics, training or Parquet: jobs, and the commands that read
 /// a dataset, run in worker processes.
-pub(crate) const ALLOWED_DEPENDENCIES: [(&str, &[&str]); 26] = [
+pub(crate) const ALLOWED_DEPENDENCIES: [(&str, &[&str]); 27] = [
+    ("progress", &[]),
     ("mesh", &[]),
     ("geometry", &["mesh"]),
-    ("objects", &["mesh", "geometry"]),
+    ("objects", &["progress", "mesh", "geometry"]),
     ("robot", &["geometry"]),
     ("fabrics", &["geometry", "robot"]),
     ("scene", &["mesh", "geometry", "objects", "robot"]),
-    ("grasps", &["mesh", "geometry", "objects", "robot", "fabrics", "scene"]),
+    ("grasps", &["progress", "mesh", "geometry", "objects", "robot", "fabrics", "scene"]),
     ("policy", &["geometry", "robot"]),
     ("rollout", &["mesh", "geometry", "objects", "robot", "scene", "grasps", "policy"]),
     ("files", &[]),
     ("configs", &["objects", "policy"]),
     ("dataset-manifest", &["configs"]),
     ("worker-protocol", &[]),
-    ("dataset", &["geometry", "robot", "files", "configs", "dataset-manifest"]),
+    ("dataset", &["progress", "geometry", "robot", "files", "configs", "dataset-manifest"]),
     (
         "datagen",
-        &[
+        &["progress", 
             "mesh",
             "geometry",
             "objects",
@@ -61,7 +62,7 @@ pub(crate) const ALLOWED_DEPENDENCIES: [(&str, &[&str]); 26] = [
     ("server", &["mesh", "objects", "policy", "configs", "dataset-manifest", "worker-protocol"]),
     (
         "ngf-worker",
-        &[
+        &["progress", 
             "mesh",
             "geometry",
             "objects",
@@ -83,7 +84,7 @@ pub(crate) const ALLOWED_DEPENDENCIES: [(&str, &[&str]); 26] = [
     ("ngf", &["server"]),
     (
         "wasm",
-        &[
+        &["progress", 
             "mesh", "geometry", "objects", "robot", "fabrics", "scene", "grasps", "policy",
             "rollout",
         ],

@@ -8,6 +8,7 @@ use geometry::Vec3;
 use grasps::search::{SearchConfig, search};
 use grasps::set::grasp::Grasp;
 use js_sys::Float32Array;
+use progress::Progress;
 use rollout::{Attempt, Controller, RolloutError};
 use std::sync::Arc;
 
@@ -38,7 +39,7 @@ impl Session {
     pub(crate) fn search_grasps(
         &self,
         seed: u32,
-        progress: impl FnMut(f32),
+        progress: &dyn Progress,
     ) -> Result<GraspsFound, Failure> {
         let robot = &self.context.robot;
         let config = SearchConfig::quick(robot);

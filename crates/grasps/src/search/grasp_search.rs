@@ -11,10 +11,19 @@ use crate::set::import::ImportedGrasp;
 use crate::set::k_medoids;
 use crate::{GraspSet, PlacedObject, RobotContext};
 use objects::object::Object;
+use progress::Progress;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use robot::Isometry;
 use scene::SceneError;
+
+/// Stage of a search in its progress reports.
+pub const STAGE: &str = "grasps";
+
+/// Converts completed fractions (0..1) to reports in percent.
+fn report_fraction(progress: &dyn Progress) -> impl Fn(f32) {
+    |fraction| progress.update(STAGE, (100.0 * fraction) as usize, 100)
+}
 
 /// State of a running search.
 pub(crate) struct Search<'a> {
@@ -31,15 +40,16 @@ pub(crate) struct Search<'a> {
     pub(crate) num_tried: usize,
 }
 
-/// Searches for grasps of `object`; also returns all robust grasps. `progress` receives the completed
-/// fraction (0..1).
+/// Searches for grasps of `object`; also returns all robust grasps. `progress` receives percentages of the stage
+/// [`STAGE`].
 pub fn search(
     robot: &RobotContext,
     object: &Object,
     config: &SearchConfig,
     seed: u64,
-    mut progress: impl FnMut(f32),
+    progress: &dyn Progress,
 ) -> Result<(GraspSet, Vec<ScoredGrasp>), SceneError> {
+    let progress = report_fraction(progress);
     let mut search = Search::new(robot, object, config, seed);
     let mut scored = search.search_globally(&mut |fraction| progress(0.5 * fraction))?;
     for (round, is_turned) in [false, true].into_iter().enumerate() {
@@ -72,8 +82,9 @@ pub fn try_imported(
     config: &SearchConfig,
     imported: &[ImportedGrasp],
     seed: u64,
-    mut progress: impl FnMut(f32),
+    progress: &dyn Progress,
 ) -> Result<(GraspSet, Vec<ScoredGrasp>), SceneError> {
+    let progress = report_fraction(progress);
     let mut search = Search::new(robot, object, config, seed);
     let mut scored = Vec::new();
     for (i, row) in imported.iter().enumerate() {

@@ -11,4 +11,4 @@ pub mod trial;
 
 pub use config::SearchConfig;
 pub(crate) use grasp_search::Search;
-pub use grasp_search::{refine_around, search, try_imported};
+pub use grasp_search::{STAGE, refine_around, search, try_imported};
