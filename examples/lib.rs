@@ -1,1 +1,24 @@
-//! The examples of this folder; see README.md.
+//! [configs]: ../configs/index.html
+//! [datagen]: ../datagen/index.html
+//! [dataset]: ../dataset/index.html
+//! [dataset-manifest]: ../dataset_manifest/index.html
+//! [evaluation]: ../evaluation/index.html
+//! [fabrics]: ../fabrics/index.html
+//! [files]: ../files/index.html
+//! [geometry]: ../geometry/index.html
+//! [grasps]: ../grasps/index.html
+//! [imitation]: ../imitation/index.html
+//! [mesh]: ../mesh/index.html
+//! [ngf]: ../ngf/index.html
+//! [ngf-worker]: ../ngf_worker/index.html
+//! [objects]: ../objects/index.html
+//! [policy]: ../policy/index.html
+//! [progress]: ../progress/index.html
+//! [robot]: ../robot/index.html
+//! [rollout]: ../rollout/index.html
+//! [scene]: ../scene/index.html
+//! [server]: ../server/index.html
+//! [wasm]: ../wasm/index.html
+//! [worker-protocol]: ../worker_protocol/index.html
+// The first definition of a link applies: here the pages of `cargo doc`, in the file the sources.
+#![doc = include_str!("../docs/crates.md")]

@@ -2,7 +2,7 @@
 //!
 //! In: a folder with the page, one with models and, for jobs, a data folder. Out: one axum `Router`. Opens no
 //! socket: `ngf serve` binds it to an address. Runs no simulation and no training: each job is a separate
-//! worker process, `ngf`, that reports to this server.
+//! worker process, `ngf-worker`, that reports to this server.
 
 mod extract;
 mod jobs;

@@ -1,7 +1,6 @@
 //! Inference network (`policy`) against training network (`imitation`, candle) on states of a dataset.
 
 use configs::DatasetConfig;
-use progress::NoProgress;
 use grasps::RobotContext;
 use imitation::data::split;
 use imitation::models::encoder::TrainedEncoder;
@@ -10,6 +9,7 @@ use imitation::nn::networks::network::{self, Network};
 use objects::catalog::built_in_objects;
 use policy::model::ModelConfig;
 use policy::weights::Tensors;
+use progress::NoProgress;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use robot::{DOF, JointState};

@@ -1,7 +1,6 @@
 //! End-to-end pipeline at toy size: demonstrations, encoder, policy, model files, attempt.
 
 use configs::{AutoencoderConfig, DaggerConfig, DatasetConfig};
-use progress::NoProgress;
 use grasps::RobotContext;
 use imitation::data::demo_group::DemoGroup;
 use imitation::data::split;
@@ -13,6 +12,7 @@ use objects::catalog::built_in_objects;
 use objects::object::Object;
 use policy::model::MODEL_FILES;
 use policy::{ObservationKind, PolicyConfig};
+use progress::NoProgress;
 use robot::JointVector;
 use rollout::{Attempt, Controller, RolloutContext};
 use std::path::Path;

@@ -3,6 +3,19 @@
 use policy::PolicyConfig;
 
 /// Hyperparameters of policy training. The scheme is the paper's; the values are ours.
+///
+/// ```rust
+/// use configs::DaggerConfig;
+/// use policy::PolicyConfig;
+/// let policy = PolicyConfig::by_name("ngf-pcd").expect("a policy of the paper");
+/// let config = DaggerConfig::preset("small", policy).expect("a preset");
+/// // The horizon grows from one step, behaviour cloning, to its full length.
+/// assert_eq!(config.horizon_fraction(0), 0.0);
+/// assert_eq!(config.horizon_fraction(config.steps), 1.0);
+/// // The expert is stable at 30 Hz.
+/// let (gains, dt) = (config.gains, 1.0 / 30.0);
+/// assert!(0.5 * gains.position * dt < gains.velocity && gains.velocity < 2.0 / dt);
+/// ```
 #[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
 pub struct DaggerConfig {
     /// Number of optimiser steps.

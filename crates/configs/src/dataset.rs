@@ -92,6 +92,14 @@ fn with_variants(objects: impl IntoIterator<Item = (&'static str, usize)>) -> Ve
 
 impl DatasetConfig {
     /// Configuration of a preset in [`PRESETS`].
+    ///
+    /// ```rust
+    /// use configs::DatasetConfig;
+    /// // The size used in the paper: K = 192 object poses, M = 256 demonstrations of each.
+    /// let paper = DatasetConfig::preset("paper", 0).expect("a preset");
+    /// assert_eq!((paper.objects.len() * paper.poses, paper.trajectories), (192, 256));
+    /// assert!(DatasetConfig::preset("huge", 0).is_none());
+    /// ```
     pub fn preset(name: &str, seed: u64) -> Option<Self> {
         let owned = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect();
         let small = Self {

@@ -231,7 +231,12 @@ pub(crate) struct FileBatch<'a, P> {
 
 impl<'a, P: Fn(usize) -> PathBuf + Sync> FileBatch<'a, P> {
     /// Finds the missing files among `total` paths.
-    pub(crate) fn new(name: &'a str, total: usize, progress: &'a (dyn Progress + Sync), path: P) -> Self {
+    pub(crate) fn new(
+        name: &'a str,
+        total: usize,
+        progress: &'a (dyn Progress + Sync),
+        path: P,
+    ) -> Self {
         let missing: Vec<usize> = (0..total).filter(|i| !path(*i).exists()).collect();
         progress.update(name, total - missing.len(), total);
         Self { stage: name, total, missing, progress, path }

@@ -15,6 +15,13 @@ use std::path::Path;
 
 /// Checks that a folder contains a complete dataset of the current format version, and returns its
 /// provenance.
+///
+/// ```rust
+/// let folder = tempfile::tempdir()?;
+/// let error = dataset_manifest::open(folder.path()).unwrap_err();
+/// assert!(error.to_string().ends_with("is not a dataset: it has no config.json"));
+/// # Ok::<(), std::io::Error>(())
+/// ```
 pub fn open(dir: &Path) -> anyhow::Result<Provenance> {
     let provenance = Provenance::read(dir)?;
     Manifest::read(dir)?;

@@ -9,6 +9,14 @@ pub const SUMMARY_FILE: &str = "summary.json";
 pub const KEPT: &str = "kept";
 
 /// Counts of one object. Ratios are stored as pairs `[count, total]`.
+///
+/// ```rust
+/// use dataset_manifest::{KEPT, Summary};
+/// // 30 trials became demonstrations, 2 were rejected.
+/// let outcomes = [(KEPT.to_owned(), 30), ("slipped".to_owned(), 2)].into();
+/// let summary = Summary { outcomes, ..Summary::default() };
+/// assert_eq!((summary.kept(), summary.trials()), (30, 32));
+/// ```
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Summary {
     /// Number of poses of the object.

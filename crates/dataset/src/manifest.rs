@@ -34,11 +34,7 @@ pub fn write(manifest: &Manifest, dir: &Path) -> Result<()> {
 }
 
 /// Hashes every file again and checks that no file is missing, changed or foreign.
-pub fn verify_files(
-    manifest: &Manifest,
-    dir: &Path,
-    progress: &dyn Progress,
-) -> Result<()> {
+pub fn verify_files(manifest: &Manifest, dir: &Path, progress: &dyn Progress) -> Result<()> {
     for (i, wanted) in manifest.files.iter().enumerate() {
         progress.update("check hashes", i, manifest.files.len());
         let path = PathBuf::from(&wanted.path);
@@ -172,7 +168,8 @@ mod tests {
     fn verify_names_file_when_changed_missing_or_foreign() {
         let (folder, manifest) = folder();
         let dir = folder.path();
-        let verify = || verify_files(&manifest, dir, &NoProgress).map_err(|error| error.to_string());
+        let verify =
+            || verify_files(&manifest, dir, &NoProgress).map_err(|error| error.to_string());
         assert_eq!(Manifest::read(dir).unwrap(), manifest);
         verify().unwrap();
         std::fs::write(dir.join("log.jsonl"), b"two\n").unwrap();

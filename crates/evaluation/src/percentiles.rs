@@ -11,6 +11,14 @@ pub struct MedianP90 {
 
 impl MedianP90 {
     /// Percentiles of values in any order; `None` if empty. NaN sorts as the maximum.
+    ///
+    /// ```rust
+    /// use evaluation::percentiles::MedianP90;
+    /// // In ascending order, these are the values at n/2 and at 9n/10, counted from 0.
+    /// let values: Vec<f64> = (1..=10).map(f64::from).collect();
+    /// assert_eq!(MedianP90::of(values), Some(MedianP90 { median: 6.0, p90: 10.0 }));
+    /// assert_eq!(MedianP90::of(Vec::new()), None);
+    /// ```
     pub fn of(mut values: Vec<f64>) -> Option<Self> {
         values.sort_by(f64::total_cmp);
         let percentile = |tenths: usize| values.get(values.len() * tenths / 10).copied();

@@ -51,6 +51,26 @@ impl Plan {
 
 /// Integrates the fabric from `start` towards `goal` until it is at rest or the max duration is reached. The
 /// goal is not guaranteed to be reached. `None` if the state becomes non-finite.
+///
+/// ```rust
+/// use fabrics::{Fabric, FabricConfig, Goal, PlannerConfig, planner};
+/// use robot::{JointState, KinematicTree, integrator};
+/// let (tree, hand) = (KinematicTree::iiwa7_allegro()?, [0.3; robot::HAND_DOF]);
+/// let q = robot::joint_vector(&[0.0, 0.3, 0.0, -1.5, 0.0, 1.3, 0.79], &hand);
+/// // The goal is 10 cm above the start; there are no obstacles.
+/// let mut palm = tree.forward_kinematics(&q).palm_pose();
+/// palm.translation.vector.z += 0.1;
+/// let fabric = Fabric::new(&tree, q, Vec::new(), FabricConfig::demonstration())?;
+/// let (start, config) = (JointState::at_rest(q), PlannerConfig::demonstration());
+/// let goal = Goal { palm, hand };
+/// let plan = planner::plan(&fabric, &start, &goal, &config).expect("finite states");
+/// let reached = tree.forward_kinematics(&plan.last().q).palm_pose().translation;
+/// assert!((reached.vector - palm.translation.vector).norm() < 0.05); // m
+/// // Each step satisfies Eq. 6 and 7.
+/// let next = integrator::step(&plan.states[0], &plan.accelerations[0], config.dt);
+/// assert_eq!(next, plan.states[1]);
+/// # Ok::<(), robot::UrdfError>(())
+/// ```
 pub fn plan(
     fabric: &Fabric,
     start: &JointState,

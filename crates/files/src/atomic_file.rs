@@ -5,6 +5,15 @@ use std::path::Path;
 
 /// Writes a temporary file in the same folder and renames it, so that a killed process leaves either the old
 /// file or the new file.
+///
+/// ```rust
+/// let folder = tempfile::tempdir()?;
+/// // Missing folders are created.
+/// let path = folder.path().join("evaluation/report.json");
+/// files::atomic_file::write(&path, b"{}")?;
+/// assert_eq!(files::atomic_file::read(&path)?, b"{}");
+/// # Ok::<(), anyhow::Error>(())
+/// ```
 pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
     write_with(path, |file| Ok(std::fs::write(file, bytes)?))
 }

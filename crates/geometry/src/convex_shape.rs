@@ -17,6 +17,19 @@ const MAX_HULL_POINTS: usize = 256;
 const QUERY_SCALE: f32 = 100.0;
 
 /// A convex shape at a pose.
+///
+/// ```rust
+/// use geometry::convex_shape::ConvexShape;
+/// use geometry::{Pose, Vec3};
+/// // Two boxes, given by half extents (m), at a distance of 0.17 - 0.1 - 0.05 = 0.02 m.
+/// let large = ConvexShape::cuboid(Vec3::splat(0.1));
+/// let small = ConvexShape::cuboid(Vec3::splat(0.05));
+/// let small = small.transformed(&Pose::from_translation(Vec3::X * 0.17));
+/// assert!((large.signed_distance(&small, 1.0) - 0.02).abs() < 1e-4);
+/// // A point 0.02 m inside has a negative distance; the normal points outward.
+/// let (distance, normal) = large.point_signed_distance(Vec3::X * 0.08);
+/// assert!((distance + 0.02).abs() < 1e-4 && normal.distance(Vec3::X) < 1e-4);
+/// ```
 #[derive(Clone)]
 pub struct ConvexShape {
     /// The shape in its own frame.

@@ -6,6 +6,13 @@ use crate::Vec3;
 ///
 /// Starts at the first point; the lower index wins a tie. With fewer than `count` points, the sequence of
 /// indices repeats. Empty input gives no indices.
+///
+/// ```rust
+/// use geometry::{Vec3, point_cloud::farthest_point_sampling};
+/// // Points on a line, 1 m apart: first the ends, then the middle.
+/// let line: Vec<Vec3> = (0..9).map(|i| Vec3::X * i as f32).collect();
+/// assert_eq!(farthest_point_sampling(&line, 3), [0, 8, 4]);
+/// ```
 pub fn farthest_point_sampling(points: &[Vec3], count: usize) -> Vec<usize> {
     if points.is_empty() {
         return Vec::new();
@@ -34,6 +41,14 @@ pub fn farthest_point_sampling(points: &[Vec3], count: usize) -> Vec<usize> {
 /// Mean distance (m) from each point of both clouds to the nearest point of the other cloud.
 ///
 /// Infinite if a cloud is empty.
+///
+/// ```rust
+/// use geometry::{Vec3, point_cloud::mean_nearest_distance};
+/// // The same line of points, 0.2 m higher.
+/// let line: Vec<Vec3> = (0..9).map(|i| Vec3::X * i as f32).collect();
+/// let above: Vec<Vec3> = line.iter().map(|point| *point + Vec3::Z * 0.2).collect();
+/// assert!((mean_nearest_distance(&line, &above) - 0.2).abs() < 1e-6);
+/// ```
 pub fn mean_nearest_distance(a: &[Vec3], b: &[Vec3]) -> f32 {
     let nearest = |point: &Vec3, others: &[Vec3]| {
         let squares = others.iter().map(|other| point.distance_squared(*other));

@@ -61,6 +61,18 @@ const SIZE_RANGE_M: std::ops::RangeInclusive<f32> = 0.001..=10.0;
 pub const SIMPLIFY_ABOVE_TRIANGLES: usize = 1_000_000;
 
 /// Parses, simplifies, repairs and scales a mesh; `unit` is guessed from the size if `None`.
+///
+/// ```rust
+/// // OBJ stores no unit. A side of 120 units suits an object of 120 mm.
+/// let obj = b"v 0 0 0\nv 60 0 0\nv 0 40 0\nv 0 0 120\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n";
+/// let imported = mesh::import(obj, None)?;
+/// assert_eq!(imported.unit.unit, mesh::Unit::Millimetre);
+/// assert!(imported.repair.watertight);
+/// // The volume of the tetrahedron is 60 x 40 x 120 / 6 mm³ = 48 cm³.
+/// let properties = mesh::mass_properties(&imported.mesh, imported.repair.watertight)?;
+/// assert!((properties.volume - 48e-6).abs() < 1e-9); // m³
+/// # Ok::<(), mesh::MeshError>(())
+/// ```
 pub fn import(bytes: &[u8], unit: Option<Unit>) -> Result<ImportedMesh, MeshError> {
     let mesh = read(bytes)?;
     let (mesh, simplified) = match mesh.triangles.len() > SIMPLIFY_ABOVE_TRIANGLES {

@@ -47,6 +47,18 @@ impl StablePose {
 }
 
 /// All stable poses, the most stable first; empty if the points have no hull.
+///
+/// ```rust
+/// use glamx::Vec3;
+/// // A box of 60 x 40 x 120 mm about its centre of mass.
+/// let half = Vec3::new(0.03, 0.02, 0.06);
+/// let sign = |i: u32, axis: u32| if i >> axis & 1 == 0 { -1.0 } else { 1.0 };
+/// let corner = |i| half * Vec3::new(sign(i, 0), sign(i, 1), sign(i, 2));
+/// let poses = mesh::stable_poses(&(0..8).map(corner).collect::<Vec<_>>(), Vec3::ZERO);
+/// assert_eq!(poses.len(), 6);
+/// // On its largest face, the box tips at an angle with the tangent 30 mm / 20 mm.
+/// assert!((poses[0].tip_angle_tan - 1.5).abs() < 1e-6);
+/// ```
 pub fn stable_poses(points: &[Vec3], center: Vec3) -> Vec<StablePose> {
     let Some(hull) = convex_hull(points, HULL_POINTS) else { return Vec::new() };
     let center = center.as_dvec3();

@@ -3,7 +3,7 @@
 use anyhow::{Context, Result, bail};
 use mesh::SimplifyReport;
 use objects::catalog::CATALOG;
-use objects::import::{self, MOST_STABLE, OrientationChooser, ImportOptions, Orientation};
+use objects::import::{self, ImportOptions, MOST_STABLE, Orientation, OrientationChooser};
 use objects::object::Object;
 use progress::NoProgress;
 use std::ffi::OsStr;

@@ -125,6 +125,15 @@ pub type OrientationChooser<'a> = &'a dyn Fn(&mut dyn Iterator<Item = Mesh>) -> 
 pub const MOST_STABLE: OrientationChooser<'static> = &|_| None;
 
 /// Imports an object from the bytes of a mesh file.
+///
+/// ```rust
+/// use objects::import::{ImportOptions, MassSource, import_object};
+/// let obj = b"v 0 0 0\nv 60 0 0\nv 0 40 0\nv 0 0 120\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"; // mm
+/// let options = ImportOptions { mass: Some(0.25), ..ImportOptions::default() };
+/// let wedge = import_object("wedge.obj", obj, options, &mut ())?;
+/// assert_eq!((wedge.object.mass, wedge.mass_source), (0.25, MassSource::Given));
+/// # Ok::<(), mesh::MeshError>(())
+/// ```
 pub fn import_object(
     file_name: &str,
     bytes: &[u8],
@@ -313,8 +322,14 @@ mod tests {
             let Ok(import) = mesh::import(&bytes, None) else { continue };
             num_scans += 1;
             let height = import.mesh.extent().z;
-            let found =
-                import_object("scan.obj", &bytes, ImportOptions::default(), MOST_STABLE, &NoProgress).unwrap();
+            let found = import_object(
+                "scan.obj",
+                &bytes,
+                ImportOptions::default(),
+                MOST_STABLE,
+                &NoProgress,
+            )
+            .unwrap();
             println!(
                 "{path:?}: {:?}, {} of {height} m high",
                 found.orientation,
@@ -336,14 +351,25 @@ mod tests {
             };
             let tilted = raised.into_iter().fold(BOX.to_owned(), raise);
             assert_ne!(tilted, BOX);
-            let found =
-                import_object("box.obj", tilted.as_bytes(), ImportOptions::default(), MOST_STABLE, &NoProgress)
-                    .unwrap();
+            let found = import_object(
+                "box.obj",
+                tilted.as_bytes(),
+                ImportOptions::default(),
+                MOST_STABLE,
+                &NoProgress,
+            )
+            .unwrap();
             assert_eq!(found.orientation.1, OrientationReason::Unstable, "{raised:?}");
         }
         let tilted = BOX.replace("v 40 60 0", "v 40 60 90").replace("v 40 0 0", "v 40 0 90");
-        let most_stable =
-            import_object("box.obj", tilted.as_bytes(), ImportOptions::default(), MOST_STABLE, &NoProgress).unwrap();
+        let most_stable = import_object(
+            "box.obj",
+            tilted.as_bytes(),
+            ImportOptions::default(),
+            MOST_STABLE,
+            &NoProgress,
+        )
+        .unwrap();
         assert_eq!(
             most_stable.orientation,
             (Orientation::StablePose(0), OrientationReason::Unstable)

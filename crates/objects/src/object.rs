@@ -7,6 +7,17 @@ use glamx::Quat;
 use mesh::{Mesh, MeshError};
 
 /// Object to grasp. Frame: z up, bottom at z = 0, bounding box centred in x and y.
+///
+/// ```rust
+/// use objects::Object;
+/// let bottle = Object::from_catalog("bleach").expect("a built-in object");
+/// let [low, high] = bottle.bounds; // m
+/// assert!(low.z.abs() < 1e-6 && (low.x + high.x).abs() < 1e-5);
+/// assert!(low.z < bottle.center_of_mass.z && bottle.center_of_mass.z < high.z);
+/// // Half the mass (kg) gives half the inertia (kg m²).
+/// let light = bottle.clone().with_mass(0.5 * bottle.mass);
+/// assert_eq!(light.inertia[0][0], 0.5 * bottle.inertia[0][0]);
+/// ```
 #[derive(Clone, Debug)]
 pub struct Object {
     /// Name: catalogue or file name.

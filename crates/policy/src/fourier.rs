@@ -56,6 +56,15 @@ impl FourierFeatures {
     }
 
     /// Features (cos Wx, sin Wx), shape (NUM_FEATURES).
+    ///
+    /// ```rust
+    /// use policy::fourier::{FourierFeatures, InputBlock, NUM_FREQUENCIES};
+    /// let fourier = FourierFeatures::new(&[InputBlock { size: 2, length_scale: 1.0 }], 7);
+    /// let features = fourier.features(&[0.4, -0.2]);
+    /// // A cosine and a sine of the same projection are on the unit circle.
+    /// let (cosines, sines) = features.split_at(NUM_FREQUENCIES);
+    /// assert!(cosines.iter().zip(sines).all(|(c, s)| (c * c + s * s - 1.0).abs() < 1e-5));
+    /// ```
     pub fn features(&self, x: &[f32]) -> Vec<f32> {
         let mut features = self.project(x);
         features.resize(NUM_FEATURES, 0.0);

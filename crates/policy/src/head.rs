@@ -17,6 +17,26 @@ pub const POSITIVE_FLOOR: f32 = 1e-3;
 pub const REST_EPS: f64 = 1e-6;
 
 /// Outputs of the five networks at one state.
+///
+/// ```rust
+/// use policy::head::{NetworkOutputs, TRIANGLE_ENTRIES};
+/// use robot::{DOF, JointVector};
+/// // The potential ψ grows with joint 0. Zeros give the metric M = 2 (1.001² + 0.01) I = 2.024 I.
+/// let mut potential_gradient = vec![0.0; DOF];
+/// potential_gradient[0] = 1.0;
+/// let outputs = NetworkOutputs {
+///     geometry_metric: vec![0.0; TRIANGLE_ENTRIES],
+///     geometry: vec![0.0; DOF],
+///     driving_metric: vec![0.0; TRIANGLE_ENTRIES],
+///     potential_gradient,
+///     damping: 0.0,
+/// };
+/// // At rest, Eq. 3 is q̈ = -M⁻¹ ∂ψ (rad/s²): joint 0 accelerates downhill.
+/// let at_rest = JointVector::zeros();
+/// let qdd = outputs.fabric(&at_rest).acceleration(&at_rest).expect("finite outputs");
+/// assert!((qdd[0] + 1.0 / 2.024).abs() < 1e-4);
+/// assert_eq!(qdd[1], 0.0);
+/// ```
 #[derive(Clone, Debug)]
 pub struct NetworkOutputs {
     /// F_g: entries of U_g, shape (TRIANGLE_ENTRIES).

@@ -61,6 +61,27 @@ fn default_version() -> u32 {
 }
 
 /// All parts of a model that an attempt needs.
+///
+/// ```rust
+/// use geometry::Vec3;
+/// use robot::{JointState, KinematicTree};
+/// let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../models/default");
+/// let read = |name: &str| std::fs::read(format!("{folder}/{name}"));
+/// let (weights, config) = (read("weights.safetensors")?, read("config.json")?);
+/// let tree = KinematicTree::iiwa7_allegro()?;
+/// let starts = read("start_configurations.safetensors")?;
+/// let model = policy::Model::load(&weights, &starts, &config, &tree)?;
+/// // 512 points of a wall to the left of the robot (base frame, m).
+/// let point = |i: usize| Vec3::new(0.02 * (i % 8) as f32 - 0.07, 0.6, 0.005 * (i / 8) as f32);
+/// let cloud: Vec<Vec3> = (0..512).map(point).collect();
+/// let observation = model.observe(&cloud).expect("a cloud with points");
+/// assert!((observation.azimuth - std::f64::consts::FRAC_PI_2).abs() < 1e-3); // rad
+/// assert_eq!(observation.latent.len(), policy::LATENT_DIM);
+/// let q = robot::joint_vector(&tree.hand.arm.nominal, &[0.3; robot::HAND_DOF]);
+/// let qdd = observation.acceleration(&model.network, &JointState::at_rest(q)); // rad/s²
+/// assert!(qdd.is_some_and(|qdd| qdd.norm() > 0.0));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Model {
     /// Point cloud -> z.

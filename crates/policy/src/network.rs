@@ -58,6 +58,15 @@ pub const POLICY_NAMES: [&str; 5] = ["ngf-pcd", "ngf-pos", "mlp-pcd", "mlp-pos",
 
 impl PolicyConfig {
     /// The policy of a name in [`POLICY_NAMES`]; `None` for other names.
+    ///
+    /// ```rust
+    /// use policy::{LATENT_DIM, ObservationKind, PolicyConfig};
+    /// // `-pcd` observes the encoded point cloud, `-pos` its centroid.
+    /// let config = PolicyConfig::by_name("ngf-pcd").expect("a policy of the paper");
+    /// assert_eq!(config.observation, ObservationKind::Cloud);
+    /// assert_eq!(config.observation.dim(), LATENT_DIM);
+    /// assert!(PolicyConfig::by_name("ngf").is_none());
+    /// ```
     pub fn by_name(name: &str) -> Option<Self> {
         let (network, suffix) = name.rsplit_once('-')?;
         let observation = match suffix {

@@ -20,6 +20,16 @@ pub struct Observation {
 
 /// Rotates a cloud (base frame) about the robot's vertical axis, so that its mean is at azimuth 0. Also
 /// returns the original azimuth (rad).
+///
+/// ```rust
+/// use geometry::Vec3;
+/// use policy::observation::canonicalize;
+/// // Two points to the left of the robot, at azimuth 90 degrees (base frame, m).
+/// let cloud = [Vec3::new(0.0, 0.6, -0.2), Vec3::new(0.0, 0.6, -0.1)];
+/// let (azimuth, canonical) = canonicalize(&cloud);
+/// assert!((azimuth - std::f64::consts::FRAC_PI_2).abs() < 1e-6); // rad
+/// assert!(canonical[0].distance(Vec3::new(0.6, 0.0, -0.2)) < 1e-6);
+/// ```
 pub fn canonicalize(cloud: &[Vec3]) -> (f64, Vec<Vec3>) {
     let sum = cloud.iter().fold(Vec3::ZERO, |sum, point| sum + *point);
     let azimuth = libm::atan2f(sum.y, sum.x);

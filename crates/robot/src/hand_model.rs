@@ -11,6 +11,16 @@ use std::sync::LazyLock;
 pub const FINGER_FLEXION_DOF: usize = FINGER_DOF - 1;
 
 /// Figures of one arm and one hand.
+///
+/// ```rust
+/// use robot::hand_model::{HandModel, LinkRole};
+/// let hand = HandModel::standard();
+/// assert_eq!(hand.links.role("thumb_link_3"), LinkRole::Distal);
+/// // A positive angle closes: each joint of a finger flexes by its rate (rad) per unit of closing.
+/// assert!(hand.closing.finger_rates.iter().all(|rate| *rate > 0.0));
+/// let [lightest, heaviest] = hand.graspable.mass; // kg
+/// assert!(lightest < heaviest);
+/// ```
 #[derive(Clone, Debug, PartialEq, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct HandModel {

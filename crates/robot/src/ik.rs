@@ -59,6 +59,19 @@ impl IkConfig {
 ///
 /// The hand joints are copied from `nominal`. The solver starts at `nominal` and is attracted to it in the
 /// null space, so neighbouring targets get neighbouring solutions.
+///
+/// ```rust
+/// use robot::ik::{self, IkConfig};
+/// let tree = robot::KinematicTree::iiwa7_allegro()?;
+/// let nominal = robot::joint_vector(&tree.hand.arm.nominal, &[0.3; robot::HAND_DOF]);
+/// // From the nominal palm pose 5 cm forward, 10 cm to the right and 10 cm up.
+/// let mut target = tree.forward_kinematics(&nominal).palm_pose();
+/// target.translation.vector += robot::Vector::new(0.05, -0.1, 0.1);
+/// let q = ik::solve(&tree, &target, &nominal, &IkConfig::standard(&tree)).expect("within reach");
+/// let palm = tree.forward_kinematics(&q).palm_pose();
+/// assert!((palm.translation.vector - target.translation.vector).norm() < 1e-4); // m
+/// # Ok::<(), robot::UrdfError>(())
+/// ```
 pub fn solve(
     tree: &KinematicTree,
     world_from_palm: &Isometry,

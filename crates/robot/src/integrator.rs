@@ -6,6 +6,15 @@ use crate::{JointState, JointVector};
 pub const CONTROL_DT: f64 = 1.0 / 30.0;
 
 /// One step of `dt` (s) under constant acceleration: q + dt q̇ + ½ dt² q̈ (Eq. 6), q̇ + dt q̈ (Eq. 7).
+///
+/// ```rust
+/// use robot::{JointState, JointVector, integrator};
+/// // From q = 0 rad and q̇ = 1 rad/s, with q̈ = 2 rad/s² for 0.5 s.
+/// let start = JointState { q: JointVector::zeros(), qd: JointVector::from_element(1.0) };
+/// let next = integrator::step(&start, &JointVector::from_element(2.0), 0.5);
+/// assert_eq!(next.q[0], 0.75); // 0.5 · 1 + ½ · 0.5² · 2
+/// assert_eq!(next.qd[0], 2.0); // 1 + 0.5 · 2
+/// ```
 pub fn step(state: &JointState, qdd: &JointVector, dt: f64) -> JointState {
     JointState { q: state.q + state.qd * dt + qdd * (0.5 * dt * dt), qd: state.qd + qdd * dt }
 }

@@ -34,6 +34,16 @@ struct BodyMotion {
 
 impl KinematicTree {
     /// Computes the pose of every body at the joint position `q` (rad).
+    ///
+    /// ```rust
+    /// use robot::{ARM_DOF, JointVector, KinematicTree, Vector};
+    /// let tree = KinematicTree::iiwa7_allegro()?;
+    /// // At q = 0 the arm points straight up: the origin of its last link is 1.221 m above the base.
+    /// let kinematics = tree.forward_kinematics(&JointVector::zeros());
+    /// let last_link = kinematics.world_from_body[ARM_DOF].translation.vector;
+    /// assert!((last_link - Vector::new(0.0, 0.0, 1.221)).norm() < 1e-6);
+    /// # Ok::<(), robot::UrdfError>(())
+    /// ```
     pub fn forward_kinematics(&self, q: &JointVector) -> Kinematics<'_> {
         let mut world_from_body = [Isometry::identity(); DOF + 1];
         let mut axes = [Vector::zeros(); DOF];
@@ -86,6 +96,18 @@ impl<'a> Kinematics<'a> {
     }
 
     /// Jacobian of the palm twist with respect to the arm joints: linear above angular, shape (6, ARM_DOF).
+    ///
+    /// ```rust
+    /// let tree = robot::KinematicTree::iiwa7_allegro()?;
+    /// let q = robot::joint_vector(&tree.hand.arm.nominal, &[0.3; robot::HAND_DOF]);
+    /// let kinematics = tree.forward_kinematics(&q);
+    /// // Joint 0 rotates about the vertical axis z: a palm at p moves along z × p.
+    /// let p = kinematics.palm_pose().translation.vector;
+    /// let jacobian = kinematics.palm_jacobian();
+    /// let twist = [-p.y, p.x, 0.0, 0.0, 0.0, 1.0]; // m/s and rad/s, for 1 rad/s of joint 0
+    /// assert!((0..6).all(|row| (jacobian[(row, 0)] - twist[row]).abs() < 1e-9));
+    /// # Ok::<(), robot::UrdfError>(())
+    /// ```
     pub fn palm_jacobian(&self) -> SMatrix<f64, 6, ARM_DOF> {
         let body = self.tree.palm.body;
         let linear = self.point_jacobian(body, &self.palm_pose().translation.vector);

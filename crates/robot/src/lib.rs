@@ -47,6 +47,15 @@ pub type Isometry = nalgebra::Isometry3<f64>;
 pub type Vector = nalgebra::Vector3<f64>;
 
 /// Position and velocity of all joints.
+///
+/// ```rust
+/// use robot::{ARM_DOF, JointState, JointVector};
+/// let mut state = JointState::at_rest(JointVector::zeros());
+/// // The arm joints come first, then the joints of the index finger.
+/// state.q[ARM_DOF] = 0.2; // rad
+/// assert_eq!(robot::hand_joints(&state.q)[0], 0.2);
+/// assert_eq!(state.qd, JointVector::zeros()); // rad/s
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JointState {
     /// Joint positions q (rad).

@@ -3,6 +3,16 @@
 use crate::{JointState, JointVector};
 
 /// Limits of each joint.
+///
+/// ```rust
+/// let limits = robot::KinematicTree::iiwa7_allegro()?.limits;
+/// // Normalized positions are -1 at the lower limit, 0 in the middle and +1 at the upper limit.
+/// let middle = (limits.lower + limits.upper) / 2.0; // rad
+/// assert!(limits.normalize(&middle).amax() < 1e-12);
+/// // Every upper limit is positive, so twice its value is beyond it.
+/// assert_eq!(limits.clamp(&(limits.upper * 2.0), 0.0), limits.upper);
+/// # Ok::<(), robot::UrdfError>(())
+/// ```
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct JointLimits {
     /// Min position (rad).

@@ -8,6 +8,18 @@ const MAX_SPEED_FRACTION: f64 = 0.5;
 const MIN_DURATION: f64 = 1.0;
 
 /// Samples the spline from `from` to `to` (rad), both at rest, every `dt` (s); `from` is excluded.
+///
+/// ```rust
+/// use robot::{JointVector, spline};
+/// let limits = robot::KinematicTree::iiwa7_allegro()?.limits;
+/// let (from, to) = (JointVector::zeros(), JointVector::from_element(0.1));
+/// // A motion of 0.1 rad has the min duration of 1 s: 4 steps of 0.25 s.
+/// let states = spline::quintic(&from, &to, &limits, 0.25);
+/// assert_eq!(states.len(), 4);
+/// assert_eq!(states[1].q, to * 0.5); // half of the way at half of the time
+/// assert_eq!((states[3].q, states[3].qd), (to, JointVector::zeros()));
+/// # Ok::<(), robot::UrdfError>(())
+/// ```
 pub fn quintic(
     from: &JointVector,
     to: &JointVector,

@@ -15,6 +15,17 @@ use std::collections::BTreeMap;
 /// Kinematics, inertias and collision shapes of the robot, and the figures of its hand.
 ///
 /// Hand and spheres are not serialized, so they do not contribute to the hash of the scene.
+///
+/// ```rust
+/// use robot::{ARM_DOF, DOF, KinematicTree};
+/// let tree = KinematicTree::iiwa7_allegro()?;
+/// // Joint i moves body i + 1; body 0 is the fixed base.
+/// assert_eq!((tree.joints.len(), tree.bodies.len()), (DOF, DOF + 1));
+/// assert_eq!(tree.joint_index("index_joint_0"), Some(ARM_DOF));
+/// // The palm is fixed to the last arm body.
+/// assert_eq!(tree.palm.body, ARM_DOF);
+/// # Ok::<(), robot::UrdfError>(())
+/// ```
 #[derive(Clone, Debug, serde::Serialize)]
 pub struct KinematicTree {
     /// Joints in topological order: joint i moves body i + 1, and parents precede children.

@@ -22,6 +22,21 @@ use scene::{HoldMonitor, Scene, Simulation};
 use std::ops::RangeInclusive;
 
 /// A grasp attempt in progress.
+///
+/// ```rust
+/// use rollout::{Attempt, Controller, Phase, RolloutContext};
+/// let context = RolloutContext::new()?;
+/// let object = objects::Object::from_catalog("sugar_box").expect("a built-in object");
+/// // No pose is given, so it is sampled from the seed 0. The planner needs no model.
+/// let mut attempt = Attempt::new(&context, &object, "sugar_box", None, 0, Controller::Planner)?;
+/// let [x, y, _yaw] = attempt.pose(); // m, m, rad
+/// assert!(context.robot.config.workspace.contains([x, y]));
+/// // One control period of 1/30 s; `attempt.run(&context)` steps to the outcome.
+/// attempt.step(&context);
+/// assert_eq!((attempt.ticks(), attempt.phase()), (1, Phase::Approach));
+/// assert!(attempt.outcome().is_none());
+/// # Ok::<(), rollout::RolloutError>(())
+/// ```
 pub struct Attempt {
     pub(crate) scene: Scene,
     object: Object,

@@ -4,6 +4,16 @@
 const Z_95: f64 = 1.959_963_984_540_054;
 
 /// Wilson score interval (95 %) for k successes in n trials; [0, 1] for n = 0.
+///
+/// ```rust
+/// use rollout::wilson95;
+/// // The interval of 5 in 10 is symmetric about 0.5.
+/// let [low, high] = wilson95(5, 10);
+/// assert!(low < 0.5 && (low + high - 1.0).abs() < 1e-12);
+/// // Ten times as many trials narrow it.
+/// let [many_low, many_high] = wilson95(50, 100);
+/// assert!(many_high - many_low < high - low);
+/// ```
 pub fn wilson95(k: usize, n: usize) -> [f64; 2] {
     if n == 0 {
         return [0.0, 1.0];

@@ -7,6 +7,15 @@ use robot::JointState;
 use std::sync::Arc;
 
 /// Source of the joint commands between start configuration and lift.
+///
+/// ```rust
+/// use rollout::{Attempt, Controller, RolloutContext, RolloutError};
+/// let context = RolloutContext::new()?; // without a model
+/// let object = objects::Object::from_catalog("sugar_box").expect("a built-in object");
+/// let new = |controller| Attempt::new(&context, &object, "sugar_box", None, 0, controller);
+/// assert!(matches!(new(Controller::Policy), Err(RolloutError::NoModel)));
+/// # Ok::<(), RolloutError>(())
+/// ```
 #[derive(Clone, Debug)]
 pub enum Controller {
     /// The learned policy. It integrates its own commanded state.

@@ -4,6 +4,15 @@ use geometry::Vec3;
 use scene::HoldFailure;
 
 /// Outcome of an attempt.
+///
+/// ```rust
+/// use rollout::{FailureReason, Outcome};
+/// let outcome = Outcome::Failed { reason: FailureReason::PushedAway };
+/// assert!(!outcome.is_lifted());
+/// let json = serde_json::json!({ "result": "failed", "reason": "pushed_away" });
+/// assert_eq!(serde_json::to_value(outcome)?, json);
+/// # Ok::<(), serde_json::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case", tag = "result")]
 pub enum Outcome {

@@ -27,6 +27,21 @@ pub struct RenderMesh {
 }
 
 /// A pinhole depth camera at a fixed pose.
+///
+/// ```rust
+/// use scene::SceneConfig;
+/// use scene::camera::{Camera, DepthImage};
+/// let config = SceneConfig::standard()?.camera;
+/// let camera = Camera::new(&config);
+/// // All pixels measure a depth of 1 m: a plane at z = 1 m in the camera frame.
+/// let (width, height) = (config.width, config.height);
+/// let image = DepthImage { width, height, depth: vec![1.0; width * height] };
+/// for world_point in camera.points(&image).into_iter().flatten() {
+///     let point = camera.world_from_camera.inverse() * world_point;
+///     assert!((point.z - 1.0).abs() < 1e-5);
+/// }
+/// # Ok::<(), scene::SceneError>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Camera {
     /// Pose of the camera: x to the right, y down, z along the optical axis.

@@ -9,6 +9,22 @@ use rand::Rng;
 use robot::KinematicTree;
 
 /// Depth camera with a pre-rendered background: the scene without the object, arm at home.
+///
+/// ```rust
+/// use rand::SeedableRng;
+/// use scene::SceneConfig;
+/// use scene::depth_sensor::DepthSensor;
+/// let (config, tree) = (SceneConfig::standard()?, robot::KinematicTree::iiwa7_allegro()?);
+/// let sensor = DepthSensor::new(&config, &tree);
+/// let bottle = objects::Object::from_catalog("bleach").expect("a built-in object");
+/// let world_from_object = config.object_pose(0.6, 0.0, 0.3); // x, y (m), yaw (rad)
+/// let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(0);
+/// let image = sensor.capture(&bottle.mesh, &world_from_object, &mut rng);
+/// let cloud = sensor.extract_cloud(&image); // base frame (m)
+/// assert_eq!(cloud.len(), config.crop.num_points);
+/// assert!(cloud.iter().all(|point| point.z > config.table_top()));
+/// # Ok::<(), scene::SceneError>(())
+/// ```
 pub struct DepthSensor {
     /// The camera.
     pub camera: Camera,

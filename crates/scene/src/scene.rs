@@ -13,6 +13,24 @@ use rapier3d::prelude::{
 use robot::{ARM_DOF, DOF, JointState, JointVector, KinematicTree};
 
 /// Table, object and robot under physics.
+///
+/// ```rust
+/// use robot::{JointState, KinematicTree};
+/// use scene::{Scene, SceneConfig, Simulation};
+/// let (config, tree) = (SceneConfig::standard()?, KinematicTree::iiwa7_allegro()?);
+/// let object = objects::Object::from_catalog("sugar_box").expect("a built-in object");
+/// let world_from_object = config.object_pose(0.6, 0.0, 0.0); // x, y (m), yaw (rad)
+/// let home = JointState::at_rest(config.home());
+/// let new = || Scene::new(&config, &tree, &object, &world_from_object, &home.q);
+/// let (mut scene, mut twin) = (new()?, new()?);
+/// // One control period of 1/30 s. Physics is deterministic: equal scenes stay equal.
+/// scene.track(&home, &home);
+/// twin.track(&home, &home);
+/// assert_eq!(scene.steps(), config.physics.substeps as u64);
+/// assert_eq!(scene.state_hash(), twin.state_hash());
+/// assert!(scene.object_height().abs() < 0.005); // m above the table
+/// # Ok::<(), scene::SceneError>(())
+/// ```
 pub struct Scene {
     tabletop: TabletopWorld,
     substeps: usize,

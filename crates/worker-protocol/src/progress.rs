@@ -23,6 +23,14 @@ impl Progress {
     }
 
     /// Estimated time to the end of the phase (s); `None` if the rate is unknown.
+    ///
+    /// ```rust
+    /// use worker_protocol::Progress;
+    /// let unit = "steps".to_owned();
+    /// let progress = Progress { completed: 250.0, total: 1000.0, unit, rate_per_second: Some(50.0) };
+    /// assert_eq!(progress.fraction(), 0.25);
+    /// assert_eq!(progress.remaining_seconds(), Some(15.0)); // 750 steps at 50 steps/s
+    /// ```
     pub fn remaining_seconds(&self) -> Option<f64> {
         let rate = self.rate_per_second.filter(|rate| *rate > 0.0)?;
         Some((self.total - self.completed).max(0.0) / rate)

@@ -63,7 +63,9 @@ pub(crate) async fn upload(
         let summary = mesh::import(&bytes, None).and_then(|import| MeshSummary::of(&import));
         (summary, bytes)
     });
-    let (summary, bytes) = inspected.await.map_err(|_| Problem::invalid_mesh(PARSER_PANICKED.map(str::to_owned).into()))?;
+    let (summary, bytes) = inspected
+        .await
+        .map_err(|_| Problem::invalid_mesh(PARSER_PANICKED.map(str::to_owned).into()))?;
     let summary = summary.map_err(|error| Problem::invalid_mesh(error.cause_and_hint()))?;
     let id = format!("msh_{}", &blake3::hash(&bytes).to_hex()[..16]);
     let _guard = MESH_LOCK.lock().await;

@@ -29,7 +29,8 @@ pub(crate) const ALLOWED_DEPENDENCIES: [(&str, &[&str]); 27] = [
     ("dataset", &["progress", "geometry", "robot", "files", "configs", "dataset-manifest"]),
     (
         "datagen",
-        &["progress", 
+        &[
+            "progress",
             "mesh",
             "geometry",
             "objects",
@@ -62,7 +63,8 @@ pub(crate) const ALLOWED_DEPENDENCIES: [(&str, &[&str]); 27] = [
     ("server", &["mesh", "objects", "policy", "configs", "dataset-manifest", "worker-protocol"]),
     (
         "ngf-worker",
-        &["progress", 
+        &[
+            "progress",
             "mesh",
             "geometry",
             "objects",
@@ -84,9 +86,9 @@ pub(crate) const ALLOWED_DEPENDENCIES: [(&str, &[&str]); 27] = [
     ("ngf", &["server"]),
     (
         "wasm",
-        &["progress", 
-            "mesh", "geometry", "objects", "robot", "fabrics", "scene", "grasps", "policy",
-            "rollout",
+        &[
+            "progress", "mesh", "geometry", "objects", "robot", "fabrics", "scene", "grasps",
+            "policy", "rollout",
         ],
     ),
     ("fuzz", &["mesh", "geometry", "objects", "robot", "policy", "rollout", "server"]),

@@ -21,6 +21,9 @@ fn is_path(word: &str) -> bool {
 /// Build outputs, absent in a fresh clone.
 const BUILD_OUTPUTS: [&str; 2] = ["target", "web/dist"];
 
+/// Parts of example paths that the reader of a guide replaces.
+const PLACEHOLDERS: [&str; 2] = ["NAME", "FAMILY"];
+
 #[test]
 fn paths_in_the_documents_exist() {
     for document in [
@@ -28,8 +31,15 @@ fn paths_in_the_documents_exist() {
         "CONTRIBUTING.md",
         "README.md",
         "assets/README.md",
+        "docs/crates.md",
         "docs/departures.md",
         "docs/results.md",
+        "docs/guides/add-a-fabric-term.md",
+        "docs/guides/add-a-hand.md",
+        "docs/guides/add-a-job.md",
+        "docs/guides/add-a-mesh-format.md",
+        "docs/guides/add-a-policy.md",
+        "docs/guides/add-an-object.md",
     ] {
         let text = read_to_string(root().join(document)).unwrap();
         let paths: Vec<&str> =
@@ -43,11 +53,30 @@ fn paths_in_the_documents_exist() {
             assert!(exists_near(link), "{document} links to {link}, which does not exist");
         }
         let is_output = |path: &str| BUILD_OUTPUTS.iter().any(|output| path.starts_with(output));
-        for path in paths.into_iter().filter(|path| !is_output(path)) {
+        let is_example = |path: &str| PLACEHOLDERS.iter().any(|name| path.contains(name));
+        for path in paths.into_iter().filter(|path| !is_output(path) && !is_example(path)) {
             // Relative to the repository root or to the document.
             let exists = root().join(path).exists() || exists_near(path);
             assert!(exists, "{document} names {path}, which does not exist");
         }
+    }
+}
+
+#[test]
+fn crates_document_lists_and_links_every_crate() {
+    let text = read_to_string(root().join("docs/crates.md")).unwrap();
+    let front_page = read_to_string(root().join("examples/lib.rs")).unwrap();
+    let folders = root().join("crates").read_dir().unwrap();
+    let paths = folders.map(|entry| entry.unwrap().path());
+    for folder in paths.chain(["server", "wasm"].map(|name| root().join(name))) {
+        let name = folder.file_name().unwrap().to_string_lossy().into_owned();
+        let source = if folder.join("src/lib.rs").exists() { "lib.rs" } else { "main.rs" };
+        let folder = folder.strip_prefix(root()).unwrap().display().to_string();
+        let page = format!("//! [{name}]: ../{}/index.html\n", name.replace('-', "_"));
+        assert!(text.contains(&format!("\n| [{name}] |")), "no row of {name} in docs/crates.md");
+        let link = format!("\n[{name}]: ../{folder}/src/{source}\n");
+        assert!(text.contains(&link), "docs/crates.md lacks the line {link}");
+        assert!(front_page.contains(&page), "examples/lib.rs lacks the line {page}");
     }
 }
 

@@ -3,6 +3,16 @@
 use nalgebra::SVector;
 
 /// An attractor with constant strength that decays near its target, and damping near the target.
+///
+/// ```rust
+/// use fabrics::terms::attractor::Attractor;
+/// use nalgebra::Vector3;
+/// let attractor =
+///     Attractor { gain: 2.0, sharpness: 10.0, mass: 1.0, damping: 20.0, damping_radius: 0.1 };
+/// // 5 m from the target along x, at rest: full strength towards the target (m/s²).
+/// let acceleration = attractor.acceleration(&Vector3::new(5.0, 0.0, 0.0), &Vector3::zeros());
+/// assert!((acceleration - Vector3::new(-2.0, 0.0, 0.0)).norm() < 1e-9);
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct Attractor {
     /// Strength far from the target (m/s² or rad/s²).

@@ -82,6 +82,25 @@ pub struct GraspBranch {
 }
 
 /// An object at a pose in the robot's workspace.
+///
+/// ```rust
+/// use grasps::{GraspSet, PlacedObject, RobotContext};
+/// use robot::rotation;
+/// let text =
+///     include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../assets/grasps/sugar_box.json"));
+/// let grasps = serde_json::from_str::<GraspSet>(text)?.grasps;
+/// let robot = RobotContext::standard()?;
+/// let object = objects::Object::from_catalog("sugar_box").expect("a built-in object");
+/// let world_from_object = robot.config.object_pose(0.66, 0.1, 1.44); // x, y (m), yaw (rad)
+/// let placed = PlacedObject::new(&robot, &object, &world_from_object);
+/// let (branch, posture) = placed.reachable(&grasps).next().expect("a reachable grasp");
+/// // Inverse kinematics has placed the palm at the grasp.
+/// let grasp = &grasps[branch.grasp];
+/// let wanted = rotation::to_isometry(&world_from_object) * grasp.object_from_palm;
+/// let palm = robot.tree.forward_kinematics(&posture.grasp).palm_pose();
+/// assert!((palm.translation.vector - wanted.translation.vector).norm() < 1e-4); // m
+/// # Ok::<(), scene::SceneError>(())
+/// ```
 pub struct PlacedObject<'a> {
     /// Robot and scene.
     pub robot: &'a RobotContext,

@@ -30,6 +30,18 @@ impl GraspSet {
     }
 
     /// Appends the grasps of another set as further clusters and adds the counts.
+    ///
+    /// ```rust
+    /// let text =
+    ///     include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../assets/grasps/sugar_box.json"));
+    /// let set: grasps::GraspSet = serde_json::from_str(text)?;
+    /// let (count, num_clusters) = (set.grasps.len(), set.grasps[set.grasps.len() - 1].cluster + 1);
+    /// // Clusters are tried in order, so all grasps of the first set precede those of the later one.
+    /// let chained = set.clone().chain(set);
+    /// assert_eq!(chained.grasps.len(), 2 * count);
+    /// assert_eq!(chained.grasps[count].cluster, num_clusters);
+    /// # Ok::<(), serde_json::Error>(())
+    /// ```
     pub fn chain(mut self, later: Self) -> Self {
         let num_clusters = self.grasps.last().map_or(0, |last| last.cluster + 1);
         let later_grasps = later.grasps.into_iter();

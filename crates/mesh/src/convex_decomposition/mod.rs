@@ -56,6 +56,23 @@ const MERGE_TOLERANCE: f64 = 0.005;
 const SHEET_THICKNESS: f32 = 0.004;
 
 /// Decomposes a repaired mesh with the finest feasible grid; falls back to a single hull.
+///
+/// ```rust
+/// use glamx::Vec3;
+/// let cuboid = |low: Vec3, high: Vec3| {
+///     let pick = |i: usize, axis: usize| if i >> axis & 1 == 0 { low[axis] } else { high[axis] };
+///     let corners = (0..8).map(|i| Vec3::new(pick(i, 0), pick(i, 1), pick(i, 2)));
+///     mesh::convex_hull(&corners.collect::<Vec<_>>(), 8).expect("a solid")
+/// };
+/// assert_eq!(mesh::decompose(&cuboid(Vec3::ZERO, Vec3::splat(0.1))).hulls.len(), 1);
+/// // An L of two bars, 30 mm thick, is concave.
+/// let mut bars = cuboid(Vec3::ZERO, Vec3::new(0.1, 0.03, 0.03));
+/// let other = cuboid(Vec3::new(0.0, 0.03, 0.0), Vec3::new(0.03, 0.1, 0.03));
+/// let first = bars.vertices.len() as u32;
+/// bars.vertices.extend(other.vertices);
+/// bars.triangles.extend(other.triangles.iter().map(|corners| corners.map(|i| first + i)));
+/// assert!(mesh::decompose(&bars).hulls.len() >= 2);
+/// ```
 pub fn decompose(mesh: &Mesh) -> ConvexDecomposition {
     if !is_convex(mesh) {
         for resolution in RESOLUTIONS {

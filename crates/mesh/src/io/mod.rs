@@ -28,6 +28,15 @@ const MAX_VERTICES: usize = 3 * MAX_TRIANGLES;
 /// Parses a mesh in one of the [`FORMATS`], text or binary.
 ///
 /// Out: coordinates in the units of the file; glTF is converted to z up.
+///
+/// ```rust
+/// // A tetrahedron as OBJ. The coordinates keep the units of the file.
+/// let obj = b"v 0 0 0\nv 60 0 0\nv 0 40 0\nv 0 0 120\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n";
+/// let tetrahedron = mesh::read(obj)?;
+/// assert_eq!(tetrahedron.triangles.len(), 4);
+/// assert_eq!(tetrahedron.extent().to_array(), [60.0, 40.0, 120.0]);
+/// # Ok::<(), mesh::MeshError>(())
+/// ```
 pub fn read(bytes: &[u8]) -> Result<Mesh, MeshError> {
     if bytes.len() > MAX_BYTES {
         return Err(MeshError::TooLarge { found: bytes.len(), limit: MAX_BYTES });
