@@ -1,6 +1,7 @@
 import { fileURLToPath } from "node:url";
 import { defineConfig } from "vite";
 import { copyModels } from "./vite/copy_models.ts";
+import { meshFormats } from "./vite/mesh_formats.ts";
 import { precompress } from "./vite/precompress.ts";
 
 const absolute = (path: string) => fileURLToPath(new URL(path, import.meta.url));
@@ -22,5 +23,5 @@ export default defineConfig({
     },
   },
   worker: { format: "es" },
-  plugins: [copyModels(), precompress()],
+  plugins: [copyModels(), meshFormats(), precompress()],
 });

@@ -5,12 +5,7 @@ import { copyFile, mkdir, readdir, readFile, stat, writeFile } from "node:fs/pro
 import { join } from "node:path";
 import { fileURLToPath } from "node:url";
 import type { Plugin } from "vite";
-
-const FILES = {
-  weights: "weights.safetensors",
-  start_configurations: "start_configurations.safetensors",
-  config: "config.json",
-};
+import { MODEL_FILES } from "../src/common/constants.ts";
 
 export function copyModels(): Plugin {
   const source = fileURLToPath(new URL("../../models", import.meta.url));
@@ -34,7 +29,7 @@ export function copyModels(): Plugin {
 async function copyModel(source: string, target: string, id: string): Promise<object> {
   const files: Record<string, { url: string; bytes: number }> = {};
   await mkdir(join(target, id), { recursive: true });
-  for (const [name, file] of Object.entries(FILES)) {
+  for (const [name, file] of Object.entries(MODEL_FILES)) {
     await copyFile(join(source, file), join(target, id, file));
     files[name] = { url: `models/${id}/${file}`, bytes: (await stat(join(source, file))).size };
   }

@@ -1,14 +1,13 @@
 //! `check`, `test` and `stress`: run stages in sequence and count the test cases.
 
 use crate::chromium;
-use crate::test_count::TestCount;
-use crate::workspace::{Workspace, display, run};
+use crate::stages::StageRunner;
+use crate::workspace::{Workspace, run};
 use crate::{python, tools, web_build};
 use anyhow::{Context, Result};
 use std::io::{BufRead, BufReader};
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
-use std::time::Instant;
 
 /// Excludes workspace members from native builds: the browser crate and its test runner.
 const NOT_NATIVE: [&str; 4] = ["--exclude", "wasm", "--exclude", "wasm-test-runner"];
@@ -22,6 +21,7 @@ const LONG_TEST_SECONDS: &str = "3600";
 /// Python requirement files in tests/python.
 const TEST_REQUIREMENTS: &str = "requirements.txt";
 const API_REQUIREMENTS: &str = "api.txt";
+const LINT_REQUIREMENTS: &str = "lints.txt";
 
 /// Examples that run without arguments. The native tests build them.
 const EXAMPLES: [&str; 5] = [
@@ -32,14 +32,7 @@ const EXAMPLES: [&str; 5] = [
     "05_run_policy",
 ];
 
-/// Results of the stages so far.
-struct StageRunner {
-    total: TestCount,
-    failed: Vec<&'static str>,
-    start: Instant,
-}
-
-/// Runs format, lints, native tests and types. `Ok(false)` if any stage failed.
+/// Runs format, spelling, licences, lints, native tests and types. `Ok(false)` if any stage failed.
 pub(crate) fn check(workspace: &Workspace) -> Result<bool> {
     let mut stages = StageRunner::new();
     quick(workspace, &mut stages);
@@ -204,6 +197,15 @@ fn fuzz(workspace: &Workspace) -> Result<()> {
 
 fn quick(workspace: &Workspace, stages: &mut StageRunner) {
     stages.stage("format", |_| run(&mut workspace.cargo(&["fmt", "--all", "--check"])));
+    stages.stage("spelling", |_| {
+        let python = python::environment(workspace, LINT_REQUIREMENTS)?;
+        run(&mut workspace.command(python.with_file_name("typos"), &[]))
+    });
+    stages.stage("licences", |_| {
+        let cargo_deny = tools::cargo_deny(workspace)?;
+        let checks = ["check", "--hide-inclusion-graph", "licenses", "bans", "sources"];
+        run(&mut workspace.command(cargo_deny, &checks))
+    });
     stages.stage("lints", |_| {
         let mut clippy = workspace.cargo(&["clippy", "-q", "--workspace", "--all-targets"]);
         run(clippy.args(["--exclude", "wasm-test-runner", "--", "-D", "warnings"]))
@@ -257,53 +259,4 @@ fn wasm_tests(workspace: &Workspace) -> Result<Command> {
         .env("CHROMEDRIVER", chromium.driver)
         .env("WASM_BINDGEN_TEST_TIMEOUT", WASM_TEST_SECONDS);
     Ok(cargo)
-}
-
-impl StageRunner {
-    fn new() -> Self {
-        Self { total: TestCount::default(), failed: Vec::new(), start: Instant::now() }
-    }
-
-    /// Runs one stage. A failure is printed and recorded; later stages still run.
-    fn stage(&mut self, name: &'static str, work: impl FnOnce(&mut Self) -> Result<()>) {
-        println!("\n--- {name}");
-        let start = Instant::now();
-        match work(self) {
-            Ok(()) => println!("{name}: {:.1} s", start.elapsed().as_secs_f32()),
-            Err(error) => {
-                println!("{name}: failed: {error:#}");
-                self.failed.push(name);
-            }
-        }
-    }
-
-    /// Runs a command, prints its output, and adds the test cases in it to the count.
-    fn count(&mut self, command: &mut Command) -> Result<()> {
-        let mut child = command
-            .stdout(Stdio::piped())
-            .spawn()
-            .with_context(|| format!("cannot run {}", display(command)))?;
-        let output = child.stdout.take().context("no pipe for the output")?;
-        for line in BufReader::new(output).split(b'\n') {
-            let line = line?;
-            let line = String::from_utf8_lossy(&line);
-            println!("{line}");
-            self.total += TestCount::of_line(&line);
-        }
-        let status = child.wait()?;
-        anyhow::ensure!(status.success(), "`{}` failed ({status})", display(command));
-        Ok(())
-    }
-
-    /// Prints the number of passed and failed test cases and the failed stages. Returns whether all passed.
-    fn report(&self) -> bool {
-        let TestCount { passed, failed } = self.total;
-        let seconds = self.start.elapsed().as_secs_f32();
-        let stages = match self.failed.as_slice() {
-            [] => "all stages passed".to_owned(),
-            failed => format!("failed stages: {}", failed.join(", ")),
-        };
-        println!("\n{passed} passed, {failed} failed; {stages} ({seconds:.0} s)");
-        failed == 0 && self.failed.is_empty()
-    }
 }

@@ -7,7 +7,9 @@ mod build_cache;
 mod checks;
 mod chromium;
 mod demo;
+mod fast_check;
 mod python;
+mod stages;
 mod test_count;
 mod tools;
 mod web_build;
@@ -32,8 +34,15 @@ enum Command {
     Demo(demo::Options),
     /// Build the page into web/dist, which can be hosted as static files.
     Page,
-    /// Check format, lints, native tests and types; run before every commit.
-    Check,
+    /// Check format, spelling, licences, lints, native tests and types; run before every commit.
+    Check {
+        /// Check format, lints and unit tests of changed packages only.
+        #[arg(long)]
+        fast: bool,
+        /// With --fast: files that differ from this revision are changed.
+        #[arg(long, value_name = "REVISION", default_value = "HEAD", requires = "fast")]
+        since: String,
+    },
     /// Run all CI checks, including browser tests, and print the number of test cases.
     Test,
     /// Run long checks: browser parity, job crashes and load, API fuzzing, file fuzzing. Default: all.
@@ -56,7 +65,8 @@ fn main() -> ExitCode {
     let result = Workspace::find().and_then(|workspace| match Cli::parse().command {
         Command::Demo(options) => demo::run(&workspace, &options).map(|()| true),
         Command::Page => web_build::build(&workspace).map(|()| true),
-        Command::Check => checks::check(&workspace),
+        Command::Check { fast: true, since } => fast_check::run_checks(&workspace, &since),
+        Command::Check { .. } => checks::check(&workspace),
         Command::Test => checks::test(&workspace),
         Command::Stress { checks } => checks::stress(&workspace, &checks),
         Command::Bench { json, baselines } => bench::run(&workspace, json.as_deref(), baselines),

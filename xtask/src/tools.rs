@@ -4,7 +4,7 @@ use crate::build_cache::CachedStep;
 use crate::chromium;
 use crate::workspace::{Workspace, output_of, run};
 use anyhow::{Context, Result, bail};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// Node versions that Vite supports.
@@ -19,6 +19,23 @@ pub(crate) fn wasm_target(workspace: &Workspace) -> Result<()> {
     run(&mut workspace.command("rustup", &["target", "add", "wasm32-unknown-unknown"])).context(
         "cannot add the target; install rustup (https://rustup.rs) or wasm32-unknown-unknown",
     )
+}
+
+/// Version of cargo-deny, which checks licences and sources of third-party crates.
+const CARGO_DENY: &str = "0.20.2";
+
+/// Program of cargo-deny, built below the target folder if it is missing.
+pub(crate) fn cargo_deny(workspace: &Workspace) -> Result<PathBuf> {
+    let folder = workspace.target.join("tools").join(format!("cargo-deny-{CARGO_DENY}"));
+    let program = folder.join("bin/cargo-deny").with_extension(std::env::consts::EXE_EXTENSION);
+    if !program.exists() {
+        // Unoptimised: the build takes longer than all runs.
+        let install = ["install", "cargo-deny", "--version", CARGO_DENY, "--locked", "--debug"];
+        let mut cargo = workspace.cargo(&install);
+        run(cargo.arg("--quiet").arg("--root").arg(&folder))
+            .context("cannot install cargo-deny")?;
+    }
+    Ok(program)
 }
 
 /// Checks that a supported Node and npm are installed.

@@ -2,6 +2,7 @@
 
 import { API, request, requestJson } from "../common/api";
 import { button, h } from "../common/dom";
+import { MESH_EXTENSIONS } from "../common/constants";
 import { caughtErrorCard, download, factList, link, section, table } from "../common/components";
 import { byteSize, count, dateTime, label } from "../common/numbers";
 import { outOf } from "../common/strings";
@@ -176,7 +177,7 @@ export function meshes(): View {
     none: MESHES.none,
   });
   const errors = h("div");
-  const input = h("input", { type: "file", accept: ".obj,.stl,.ply,.off,.glb,.gltf", "aria-label": MESHES.file });
+  const input = h("input", { type: "file", accept: MESH_EXTENSIONS.map((name) => `.${name}`).join(), "aria-label": MESHES.file });
   input.addEventListener("change", async () => {
     errors.replaceChildren();
     try {

@@ -17,7 +17,8 @@ import { endProgress, showProgress } from "../panel/progress";
 import { SharePanel } from "../panel/share";
 import { parseLink, type ShareLink } from "../share/share_link";
 import { SharedAttempt } from "../share/shared_attempt";
-import type { Drag, Failure, Model, ObjectLoaded, PlanarPose, Ready, WorkerEvent, WorkerRequest } from "../worker/protocol";
+import type { FailureEvent } from "../worker/messages";
+import type { Drag, Model, ObjectLoaded, PlanarPose, Ready, WorkerEvent, WorkerRequest } from "../worker/protocol";
 import { DOWNLOAD_FAILED, isFatal, loadModelRequest, WorkerClient } from "../worker/worker_client";
 import { showBrowserCheck } from "./browser_check";
 import { Comparison } from "./comparison";
@@ -44,7 +45,7 @@ let urlLoad: Promise<void> | null = null;
 const bus = new EventBus();
 const state = new SessionState(bus);
 const errors = new ErrorCards(restart, () => requestModel(requestedModel));
-const report = (failure: Failure) => errors.show(failure);
+const report = (failure: FailureEvent) => errors.show(failure);
 const link = parseLinkOrReport();
 const params = parseUrl(link);
 // Id of the policy that was requested last.
@@ -214,7 +215,7 @@ async function onModel(model: Model): Promise<void> {
   whenVisible(() => attempt.grasp());
 }
 
-function onFailure(failure: Failure): void {
+function onFailure(failure: FailureEvent): void {
   if (isFatal(failure)) stop(ATTEMPT.stopped);
   if (failure.code === "wasm_unsupported") stop(ATTEMPT.unsupported);
   errors.show(failure);

@@ -3,7 +3,8 @@
 import { element } from "../../common/dom";
 import { fillOnFocus } from "../panel/policy_options";
 import type { View } from "../view/view";
-import type { Failure, Outcome, WorkerRequest } from "../worker/protocol";
+import type { FailureEvent } from "../worker/messages";
+import type { Outcome, WorkerRequest } from "../worker/protocol";
 import { asSecondary, isFatal, loadModelRequest, WorkerClient } from "../worker/worker_client";
 import { EventBus } from "./event_bus";
 import { COMPARISON } from "./strings";
@@ -15,7 +16,7 @@ export interface ComparisonEvents {
   createView(bus: EventBus): View | null;
   // Camera of the first view.
   cameraView(): number[] | null;
-  report(failure: Failure): void;
+  report(failure: FailureEvent): void;
 }
 
 // Requests that are not sent to the second worker.

@@ -1,11 +1,11 @@
 // Errors outside the worker: uncaught exceptions, rejected promises, loss of the network.
 
-import type { Failure } from "../worker/protocol";
+import type { FailureEvent } from "../worker/messages";
 import { ERRORS } from "./strings";
 
 const OFFLINE = "offline";
 
-export function reportGlobalErrors(report: (failure: Failure) => void, dismiss: (code: string) => void): void {
+export function reportGlobalErrors(report: (failure: FailureEvent) => void, dismiss: (code: string) => void): void {
   const reportPageError = (why: string) => {
     // Harmless: the layout did not settle within one frame and is finished in the next.
     if (why.includes("ResizeObserver loop")) return;

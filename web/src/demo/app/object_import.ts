@@ -4,7 +4,8 @@ import { UploadQueue } from "../files/upload_queue";
 import type { ErrorCards } from "../panel/error_cards";
 import { ObjectInfoPanel } from "../panel/object_info";
 import { ObjectPicker } from "../panel/object_picker";
-import type { Failure, ImportOptions, Model, ObjectLoaded, Ready, WorkerRequest } from "../worker/protocol";
+import type { FailureEvent, ImportOptions } from "../worker/messages";
+import type { Model, ObjectLoaded, Ready, WorkerRequest } from "../worker/protocol";
 import { isFatal } from "../worker/worker_client";
 import type { EventBus } from "./event_bus";
 import type { SessionState } from "./session_state";
@@ -116,7 +117,7 @@ export class ObjectImport {
     void this.#uploads.start(file, { ...options, orientation, ...change });
   }
 
-  #onFailure(failure: Failure): void {
+  #onFailure(failure: FailureEvent): void {
     if (isFatal(failure)) {
       // A mesh that crashed this worker would crash the next one too.
       this.abandonPending();

@@ -1,6 +1,7 @@
 // Session state to replay into a new worker: object, pose, speed.
 
-import type { Frame, ImportOptions, ObjectLoaded, Orientation, OrientationReason, WorkerRequest } from "../worker/protocol";
+import type { ImportOptions } from "../worker/messages";
+import type { Frame, ObjectLoaded, Orientation, OrientationReason, WorkerRequest } from "../worker/protocol";
 import type { EventBus } from "./event_bus";
 
 type Upload = Extract<WorkerRequest, { kind: "upload" }>;

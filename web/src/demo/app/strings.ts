@@ -1,6 +1,7 @@
 // Texts of the demo page. Static text is in index.html; the worker generates the texts about objects and
 // attempts.
 
+import { MESH_FORMATS } from "../../common/constants";
 import type { Tally } from "../worker/protocol";
 
 export const ATTEMPT = {
@@ -171,7 +172,7 @@ export const LINK = {
 
 export const FILES = {
   cannotOpen: (archive: string, why: string) => `${archive} cannot be opened: ${why}`,
-  noMesh: (archive: string) => `${archive} contains no OBJ, STL, PLY, OFF, GLB or glTF file`,
+  noMesh: (archive: string) => `${archive} contains no ${MESH_FORMATS} file`,
   noEndRecord: "it has no end record and may be truncated",
   corruptDirectory: "its central directory is corrupt",
   truncated: "data is missing; it may be truncated",

@@ -1,10 +1,11 @@
 // Files that the user drops, pastes or selects: single files, folders, ZIP archives.
 
+import { MESH_EXTENSIONS } from "../../common/constants";
 import { FILES } from "../app/strings";
 import { MAX_FILES, unzip } from "./zip";
 
 // Extensions that the worker reads: meshes, archives of meshes, recordings.
-const READABLE = /\.(obj|stl|ply|off|glb|gltf|json|zip)$/i;
+const READABLE = new RegExp(`\\.(${[...MESH_EXTENSIONS, "json", "zip"].join("|")})$`, "i");
 const ARCHIVE = /\.zip$/i;
 
 // Whether a file is a recorded attempt or a demonstration, which refers to its own object.

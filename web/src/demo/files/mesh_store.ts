@@ -1,7 +1,7 @@
 // Store of the user's meshes in IndexedDB. Without IndexedDB, as in some private windows, meshes are lost
 // with the page.
 
-import type { ImportOptions } from "../worker/protocol";
+import type { ImportOptions } from "../worker/messages";
 import { MAX_FILES } from "./zip";
 
 const DATABASE = "ngf-grasp";

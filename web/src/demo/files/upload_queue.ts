@@ -2,7 +2,8 @@
 // Import options are stored per file and reused when the file is selected again.
 
 import { FILES } from "../app/strings";
-import type { Failure, ImportOptions, WorkerRequest } from "../worker/protocol";
+import type { FailureEvent, ImportOptions } from "../worker/messages";
+import type { WorkerRequest } from "../worker/protocol";
 import { isRecording } from "./dropped_files";
 
 const DEFAULT_OPTIONS: ImportOptions = { unit: null, massKg: null, orientation: null };
@@ -20,7 +21,7 @@ export interface UploadEvents {
   unreadable(): void;
   // The file was loaded with other options than before.
   optionsChanged(file: File, options: ImportOptions): void;
-  report(failure: Failure): void;
+  report(failure: FailureEvent): void;
 }
 
 export class UploadQueue {

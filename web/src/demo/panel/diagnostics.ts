@@ -45,7 +45,7 @@ export class DiagnosticsPanel {
         [terms.energization, (sample) => sample.terms?.energization],
       ]),
       plot(damping, [["", (sample) => sample.damping]]),
-      plot(margin, [["", (sample) => sample.limit_margin]]),
+      plot(margin, [["", (sample) => sample.limitMargin]]),
     ];
     bus.on("ready", ({ joints }) => this.#setJoints(joints));
     bus.on("frame", (frame) => this.#show(frame));

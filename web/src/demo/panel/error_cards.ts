@@ -3,7 +3,7 @@
 
 import { copyText, element } from "../../common/dom";
 import { ERRORS } from "../app/strings";
-import type { Failure } from "../worker/protocol";
+import type { FailureEvent } from "../worker/messages";
 import { DOWNLOAD_FAILED, isFatal } from "../worker/worker_client";
 
 // Maximum number of cards that are not fatal.
@@ -19,7 +19,7 @@ export class ErrorCards {
     [this.#restart, this.#retryDownload] = [restart, retryDownload];
   }
 
-  show(failure: Failure): void {
+  show(failure: FailureEvent): void {
     this.dismiss(failure.code);
     this.#list.append(this.#card(failure));
     // Fatal cards stay, since they hold the restart button.
@@ -27,7 +27,7 @@ export class ErrorCards {
     for (const card of others.slice(0, Math.max(0, others.length - MAX_CARDS))) card.remove();
   }
 
-  report(code: string, text: Pick<Failure, "message" | "hint">): void {
+  report(code: string, text: Pick<FailureEvent, "message" | "hint">): void {
     this.show({ kind: "failure", code, ...text });
   }
 
@@ -35,7 +35,7 @@ export class ErrorCards {
     this.#list.querySelector(`[data-code="${CSS.escape(code)}"]`)?.remove();
   }
 
-  #card(failure: Failure): Element {
+  #card(failure: FailureEvent): Element {
     const { code, message, hint } = failure;
     const card = (this.#template.content.cloneNode(true) as DocumentFragment).firstElementChild;
     if (!(card instanceof HTMLElement)) throw new Error("the template has no card");
@@ -64,7 +64,7 @@ export class ErrorCards {
   }
 
   // Action that can resolve a failure.
-  #retry(failure: Failure): { label: string; act: () => void } | null {
+  #retry(failure: FailureEvent): { label: string; act: () => void } | null {
     if (isFatal(failure)) return { label: ERRORS.restart, act: this.#restart };
     if (failure.code === DOWNLOAD_FAILED) return { label: ERRORS.retryDownload, act: this.#retryDownload };
     return null;

@@ -3,7 +3,8 @@
 import { element } from "../../common/dom";
 import type { EventBus } from "../app/event_bus";
 import { SEARCH } from "../app/strings";
-import type { Failure, GraspsFound, WorkerEvent, WorkerRequest } from "../worker/protocol";
+import type { FailureEvent } from "../worker/messages";
+import type { GraspsFound, WorkerEvent, WorkerRequest } from "../worker/protocol";
 import { asSecondary, WorkerClient } from "../worker/worker_client";
 
 export interface GraspSearchEvents {
@@ -12,7 +13,7 @@ export interface GraspSearchEvents {
   seed(): number;
   // Starts an attempt with these grasps.
   play(found: GraspsFound): void;
-  report(failure: Failure): void;
+  report(failure: FailureEvent): void;
 }
 
 export class GraspSearchPanel {

@@ -3,7 +3,8 @@
 import { choice, element, h } from "../../common/dom";
 import type { EventBus } from "../app/event_bus";
 import { OBJECT_INFO } from "../app/strings";
-import type { ImportOptions, ObjectInfo, Orientation, Unit } from "../worker/protocol";
+import type { ImportOptions } from "../worker/messages";
+import type { ObjectInfo, Orientation, Unit } from "../worker/protocol";
 
 export class ObjectInfoPanel {
   readonly #box = element("object-info", HTMLElement);

@@ -5,7 +5,8 @@ import { element, h } from "../../common/dom";
 import { droppedFiles, isRecording, readableFiles } from "../files/dropped_files";
 import { MeshStore } from "../files/mesh_store";
 import { MAX_FILES } from "../files/zip";
-import type { ImportOptions, ObjectLoaded, Ready, Shape } from "../worker/protocol";
+import type { ImportOptions } from "../worker/messages";
+import type { ObjectLoaded, Ready, Shape } from "../worker/protocol";
 import { thumbnail } from "./thumbnail";
 
 export interface ObjectEvents {

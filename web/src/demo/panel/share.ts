@@ -7,7 +7,8 @@ import { SHARE } from "../app/strings";
 import { download } from "../files/download";
 import { VIDEO_FORMAT } from "../files/video_format";
 import { buildLink, type ShareLink } from "../share/share_link";
-import type { Frame, ImportOptions, Model, ObjectLoaded, Outcome } from "../worker/protocol";
+import type { ImportOptions } from "../worker/messages";
+import type { Frame, Model, ObjectLoaded, Outcome } from "../worker/protocol";
 
 export interface ShareEvents {
   // Camera position and orbit target; null without a view.

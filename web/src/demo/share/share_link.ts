@@ -2,7 +2,8 @@
 // it too.
 
 import { LINK } from "../app/strings";
-import type { ImportOptions, Orientation, PlanarPose, Unit } from "../worker/protocol";
+import type { ImportOptions } from "../worker/messages";
+import type { Orientation, PlanarPose, Unit } from "../worker/protocol";
 
 export interface ShareLink {
   // Name of a built-in object, or of the mesh file.

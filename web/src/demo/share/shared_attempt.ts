@@ -2,12 +2,13 @@
 
 import type { EventBus } from "../app/event_bus";
 import { LINK } from "../app/strings";
-import type { Failure, Frame, ImportOptions, ObjectLoaded, Outcome, Ready, WorkerRequest } from "../worker/protocol";
+import type { FailureEvent, ImportOptions } from "../worker/messages";
+import type { Frame, ObjectLoaded, Outcome, Ready, WorkerRequest } from "../worker/protocol";
 import type { ShareLink } from "./share_link";
 
 export interface SharedAttemptEvents {
   send(request: WorkerRequest): void;
-  report(failure: Failure): void;
+  report(failure: FailureEvent): void;
   dismiss(code: string): void;
   seek(tick: number): void;
   grasp(seed: number): void;
@@ -102,7 +103,7 @@ export class SharedAttempt {
     return this.#isObjectLoaded && isSame && !playback && !disturbed;
   }
 
-  #report(code: string, text: Pick<Failure, "message" | "hint">): void {
+  #report(code: string, text: Pick<FailureEvent, "message" | "hint">): void {
     this.#events.report({ kind: "failure", code, ...text });
   }
 }

@@ -2,7 +2,7 @@
 
 import { MathUtils, PerspectiveCamera, Quaternion, Spherical, Vector3 } from "three";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
-import type { Box, DepthCamera } from "../worker/protocol";
+import type { Table, DepthCamera } from "../worker/protocol";
 
 export type Preset = "home" | "front" | "side" | "top" | "sensor";
 
@@ -33,7 +33,7 @@ export class OrbitCamera {
   readonly camera = new PerspectiveCamera(FIELD_OF_VIEW, 1, 0.02, 30);
   readonly controls: OrbitControls;
   readonly #onUserMove: () => void;
-  #scene: { table: Box; camera: DepthCamera } | null = null;
+  #scene: { table: Table; camera: DepthCamera } | null = null;
   #flight: { startTime: number; start: CameraPose; end: CameraPose } | null = null;
 
   // `onUserMove` is called when the user moves the camera by pointer or key.
@@ -59,7 +59,7 @@ export class OrbitCamera {
     this.#onUserMove();
   }
 
-  set scene(scene: { table: Box; camera: DepthCamera }) {
+  set scene(scene: { table: Table; camera: DepthCamera }) {
     this.#scene = scene;
   }
 

@@ -15,7 +15,7 @@ import {
   ShadowMaterial,
 } from "three";
 import { RoundedBoxGeometry } from "three/examples/jsm/geometries/RoundedBoxGeometry.js";
-import type { Box, Rectangle } from "../worker/protocol";
+import type { Table, Rectangle } from "../worker/protocol";
 import type { Colors } from "./colors";
 
 // Half width of the shadow map's frustum, edge radius of the table (m).
@@ -35,7 +35,7 @@ export class Environment {
   #frames = 0;
 
   // With software rendering, shadows are coarser and updated in every second frame.
-  constructor(table: Box, workspace: Rectangle, isSoftware: boolean) {
+  constructor(table: Table, workspace: Rectangle, isSoftware: boolean) {
     this.#isSoftware = isSoftware;
     this.#key = keyLight(table, isSoftware ? 1024 : 2048);
     this.#key.shadow.autoUpdate = !isSoftware;
@@ -68,7 +68,7 @@ export class Environment {
     this.#outline.opacity = on ? 1 : 0.4;
   }
 
-  #tabletop({ center, half }: Box): Mesh {
+  #tabletop({ center, half }: Table): Mesh {
     const [x, y, z] = half.map((side) => 2 * side) as [number, number, number];
     const mesh = new Mesh(new RoundedBoxGeometry(x, y, z, 4, EDGE_RADIUS), this.#tableMaterial);
     mesh.position.set(...center);
@@ -77,7 +77,7 @@ export class Environment {
   }
 
   // Pedestal of the robot at the origin; table and pedestal stand on the same floor.
-  #pedestal({ center, half }: Box): Mesh {
+  #pedestal({ center, half }: Table): Mesh {
     const height = half[2] - center[2];
     const shape = new CylinderGeometry(0.125, 0.14, height, 64).rotateX(Math.PI / 2);
     const mesh = new Mesh(shape, this.#pedestalMaterial);
@@ -87,7 +87,7 @@ export class Environment {
   }
 
   // Only the shadows on the floor are rendered, so that it blends into the background.
-  #floor({ center, half }: Box): Mesh {
+  #floor({ center, half }: Table): Mesh {
     const mesh = new Mesh(new CircleGeometry(4, 48), this.#shadow);
     // At the upper end of the table's rounded bottom edge, where light would leak below it.
     mesh.position.set(center[0], center[1], center[2] - half[2] + EDGE_RADIUS);
@@ -104,7 +104,7 @@ export class Environment {
   }
 }
 
-function keyLight({ center }: Box, texels: number): DirectionalLight {
+function keyLight({ center }: Table, texels: number): DirectionalLight {
   const light = new DirectionalLight();
   const [x, y, z] = center;
   light.position.set(x - 0.45, y - 1.35, z + 2.5);

@@ -3,23 +3,24 @@
 
 import { ERRORS } from "../app/strings";
 import { acquireWorker } from "./early_worker";
-import type { Failure, WorkerEvent, WorkerRequest } from "./protocol";
+import type { FailureEvent } from "./messages";
+import type { WorkerEvent, WorkerRequest } from "./protocol";
 
 export function loadModelRequest(id: string, onlyIfIdle = false): WorkerRequest {
   return { kind: "loadModel", id, base: new URL(".", document.baseURI).href, onlyIfIdle };
 }
 
 // Whether the worker is unusable after this failure.
-export function isFatal({ code }: Failure): boolean {
+export function isFatal({ code }: FailureEvent): boolean {
   return code.startsWith("worker_");
 }
 
 // A policy could not be downloaded; the request can be repeated.
 export const DOWNLOAD_FAILED = "model_download_failed";
 
-// Failure of a secondary worker that its owner has already terminated. The changed code offers no restart or
+// FailureEvent of a secondary worker that its owner has already terminated. The changed code offers no restart or
 // retry.
-export function asSecondary(failure: Failure, hint: string): Failure {
+export function asSecondary(failure: FailureEvent, hint: string): FailureEvent {
   return isFatal(failure) || failure.code === DOWNLOAD_FAILED ? { ...failure, code: `second_${failure.code}`, hint } : failure;
 }
 
