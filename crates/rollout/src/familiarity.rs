@@ -1,10 +1,11 @@
 //! Familiarity of an object: its similarity to the training objects of a model.
 
-use crate::attempt::sample_pose_with_rng;
+use crate::attempt::{Attempt, sample_pose_with_rng};
 use crate::rollout_context::RolloutContext;
 use geometry::{Pose, Vec3, point_cloud};
 use mesh::Mesh;
 use objects::catalog::parse_variant;
+use policy::observation::cloud_from_canonical;
 use policy::{Model, Observation};
 use scene::camera::RenderMesh;
 
@@ -47,6 +48,20 @@ impl Familiarity {
         let nearest =
             nearest.map(|(object, distance)| NearestObject { object: object.into(), distance });
         Some(Self { reconstruction_error: error, nearest })
+    }
+}
+
+impl Attempt {
+    /// Reconstructs the point cloud from z (base frame, m); `None` without a point-cloud policy.
+    pub fn reconstruction(&self, context: &RolloutContext) -> Option<Vec<Vec3>> {
+        let (model, observation) = (context.model.as_ref()?, self.observation()?);
+        let cloud = model.reconstruct(observation)?;
+        Some(cloud_from_canonical(observation.azimuth, &cloud))
+    }
+
+    /// Familiarity of the object to the model; `None` without a point-cloud policy.
+    pub fn familiarity(&self, context: &RolloutContext) -> Option<Familiarity> {
+        Familiarity::measure(context.model.as_ref()?, self.observation()?, self.cloud())
     }
 }
 

@@ -1,12 +1,7 @@
-//! Inspection of an attempt (reconstruction, familiarity, contact forces), and dragging of the object.
+//! Dragging of the object by the user.
 
-use crate::attempt::Attempt;
-use crate::familiarity::Familiarity;
-use crate::rollout_context::RolloutContext;
 use geometry::Vec3;
-use policy::observation::cloud_from_canonical;
-use robot::JointState;
-use scene::{ContactForce, DragSpring, Simulation};
+use scene::{DragSpring, Scene};
 
 /// Stiffness (N/m) of the drag spring.
 const DRAG_STIFFNESS: f32 = 150.0;
@@ -14,51 +9,37 @@ const DRAG_STIFFNESS: f32 = 150.0;
 /// Max force (N) of the drag spring, about the force of a finger.
 const MAX_DRAG_FORCE: f32 = 15.0;
 
-impl Attempt {
-    /// Reconstructs the point cloud from z (base frame, m); `None` without a point-cloud policy.
-    pub fn reconstruction(&self, context: &RolloutContext) -> Option<Vec<Vec3>> {
-        let (model, observation) = (context.model.as_ref()?, self.observation.as_ref()?);
-        let cloud = model.reconstruct(observation)?;
-        Some(cloud_from_canonical(observation.azimuth, &cloud))
-    }
+/// Whether the user drags the object. An attempt that was disturbed is not reproducible from its seed.
+#[derive(Default)]
+pub(crate) struct Disturbance {
+    is_active: bool,
+    was_active: bool,
+}
 
-    /// Familiarity of the object to the model; `None` without a point-cloud policy.
-    pub fn familiarity(&self, context: &RolloutContext) -> Option<Familiarity> {
-        Familiarity::measure(context.model.as_ref()?, self.observation.as_ref()?, self.cloud())
-    }
-
-    /// Current contact forces on the object.
-    pub fn contact_forces(&self) -> Vec<ContactForce> {
-        self.scene.contact_forces()
-    }
-
-    /// Drags a point of the object (m, object frame) towards a target (m, world frame); `None` releases it. A
-    /// drag during a step makes the attempt irreproducible from its seed.
-    pub fn drag(&mut self, drag: Option<(Vec3, Vec3)>) {
+impl Disturbance {
+    /// Drags a point of the object (m, object frame) towards a target (m, world frame); `None` releases it.
+    pub(crate) fn drag(&mut self, scene: &mut Scene, drag: Option<(Vec3, Vec3)>) {
         let spring = |(point, target)| DragSpring {
             point,
             target,
             stiffness: DRAG_STIFFNESS,
             max_force: MAX_DRAG_FORCE,
         };
-        self.scene.set_drag_spring(drag.map(spring));
-        self.is_disturbed = drag.is_some();
+        scene.set_drag_spring(drag.map(spring));
+        self.is_active = drag.is_some();
     }
 
-    /// Whether the user is dragging the object.
-    pub fn is_disturbed(&self) -> bool {
-        self.is_disturbed
+    /// Records that the attempt is stepped now. A drag between two steps has no effect.
+    pub(crate) fn record_step(&mut self) {
+        self.was_active |= self.is_active;
     }
 
-    /// Whether the user dragged the object before the outcome.
-    pub fn was_disturbed(&self) -> bool {
-        self.was_disturbed
+    pub(crate) fn is_active(&self) -> bool {
+        self.is_active
     }
 
-    /// Steps one control period after the outcome, which does not change. The hand keeps its
-    /// commanded position.
-    pub fn step_after_outcome(&mut self) {
-        let state = JointState::at_rest(self.commanded.q);
-        self.scene.track(&state, &state);
+    /// Whether the user dragged the object during a step.
+    pub(crate) fn was_active(&self) -> bool {
+        self.was_active
     }
 }

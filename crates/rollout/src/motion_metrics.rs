@@ -1,7 +1,9 @@
 //! Motion metrics of a controller, reported in addition to success.
 
+use crate::attempt::Attempt;
+use crate::rollout_context::RolloutContext;
 use grasps::PlacedObject;
-use robot::{JointState, JointVector, integrator};
+use robot::{Isometry, JointState, JointVector, integrator, rotation};
 use scene::config::CONTROL_DT;
 
 /// Max distance (m) that is measured.
@@ -42,11 +44,37 @@ impl MotionMetrics {
 /// Min distance (m) of the robot to the table and the placed object before the hand closes, up to 0.1 m.
 ///
 /// The hand closes 0.4 s before the first state in contact. `None` if no state precedes the closing.
-pub(crate) fn clearance(placed: &PlacedObject, states: &[JointState]) -> Option<f32> {
+fn clearance(placed: &PlacedObject, states: &[JointState]) -> Option<f32> {
     let distances: Vec<f32> =
         states.iter().map(|state| placed.clearance(&state.q, MAX_CLEARANCE)).collect();
     let contact = distances.iter().position(|distance| *distance <= 0.0).unwrap_or(distances.len());
     distances[..contact.saturating_sub(CLOSING_TICKS)].iter().copied().reduce(f32::min)
+}
+
+impl Attempt {
+    /// Motion metrics between start configuration and lift; `None` if the policy phase was not reached.
+    pub fn motion_metrics(&self) -> Option<MotionMetrics> {
+        MotionMetrics::from_states(self.policy_segment())
+    }
+
+    /// Min distance (m) of the robot to the table and to the object at its initial pose, up to 0.1 m.
+    ///
+    /// The interval is from the start configuration to 0.4 s before the first contact. `None` if it is empty.
+    pub fn clearance(&self, context: &RolloutContext) -> Option<f32> {
+        let setup = self.setup();
+        clearance(
+            &PlacedObject::new(&context.robot, &setup.object, &setup.world_from_object),
+            self.policy_segment(),
+        )
+    }
+
+    /// Palm pose relative to the object's initial pose, at the start of the lift; `None` without a lift.
+    pub fn object_from_palm(&self, context: &RolloutContext) -> Option<Isometry> {
+        let lift_start = self.history().get(self.phase_starts().lift?)?;
+        let world_from_object = rotation::to_isometry(&self.setup().world_from_object);
+        let palm = context.robot.tree.forward_kinematics(&lift_start.q).palm_pose();
+        Some(world_from_object.inverse() * palm)
+    }
 }
 
 #[cfg(test)]

@@ -1,5 +1,7 @@
 //! Telemetry of an attempt, one sample per control period.
 
+use crate::attempt::Attempt;
+use crate::rollout_context::RolloutContext;
 use policy::head::{AccelerationTerms, NeuralFabric};
 use policy::{Model, Observation};
 use robot::{JointLimits, JointState};
@@ -58,5 +60,20 @@ impl TelemetrySample {
             damping: fabric.as_ref().map(NeuralFabric::max_damping_rate),
             terms: fabric.and_then(|fabric| fabric.terms(&state.qd)).map(TermNorms::from),
         }
+    }
+}
+
+impl Attempt {
+    /// Telemetry at a tick, or at the last one. Fabric terms are available between start and lift.
+    pub fn telemetry_at(&self, context: &RolloutContext, tick: usize) -> TelemetrySample {
+        let state = self.history().get(tick).unwrap_or(self.commanded_state());
+        let network = self.network(context).filter(|_| self.policy_ticks().contains(&tick));
+        TelemetrySample::new(state, &context.robot.tree.limits, network)
+    }
+
+    /// Telemetry of each tick between start and lift; empty if the policy phase was not reached.
+    pub fn telemetry(&self, context: &RolloutContext) -> Vec<TelemetrySample> {
+        let ticks = self.policy_ticks().take_while(|tick| *tick < self.history().len());
+        ticks.map(|tick| self.telemetry_at(context, tick)).collect()
     }
 }

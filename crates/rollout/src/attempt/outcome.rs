@@ -1,8 +1,5 @@
 //! Outcome of an attempt and reasons of failure.
 
-use geometry::Vec3;
-use scene::HoldFailure;
-
 /// Outcome of an attempt.
 ///
 /// ```rust
@@ -88,59 +85,5 @@ impl FailureReason {
             Self::Dropped => "Dropped: the object was lifted and then lost.",
             Self::NotFinite => "Simulation diverged.",
         }
-    }
-}
-
-/// Object motion and contact so far, which determine the reason of a failure.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct ContactHistory {
-    /// Initial position of the object (m).
-    pub(crate) start_position: Vec3,
-    /// Max height (m) above the table so far.
-    pub(crate) max_height: f32,
-    /// Whether arm or hand touched the object during the approach.
-    pub(crate) was_touched: bool,
-}
-
-/// Height (m) above which an object counts as lifted.
-const MIN_LIFTED_HEIGHT: f32 = 0.03;
-/// Displacement (m) above which an object on the table counts as pushed.
-const MIN_PUSH_DISTANCE: f32 = 0.05;
-
-impl ContactHistory {
-    /// Reason of a failure, from the final object position `end` (m) and the failed hold criterion.
-    pub(crate) fn failure_reason(&self, end: Vec3, failure: HoldFailure) -> FailureReason {
-        let displacement = (end - self.start_position).truncate().length();
-        match failure {
-            _ if self.max_height <= MIN_LIFTED_HEIGHT && displacement > MIN_PUSH_DISTANCE => {
-                FailureReason::PushedAway
-            }
-            _ if self.max_height <= MIN_LIFTED_HEIGHT => FailureReason::Missed,
-            _ if end.z - self.start_position.z <= MIN_LIFTED_HEIGHT => FailureReason::Dropped,
-            // The object has just been lost and is still near the hand.
-            HoldFailure::NoContact => FailureReason::Dropped,
-            HoldFailure::Slipped => FailureReason::Slipped,
-            HoldFailure::TooLow | HoldFailure::ForeignContact => FailureReason::TooLow,
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn failure_reason_follows_object_motion() {
-        let reason = |highest, x, z, failure| {
-            ContactHistory { start_position: Vec3::ZERO, max_height: highest, was_touched: true }
-                .failure_reason(Vec3::new(x, 0.0, z), failure)
-        };
-        assert_eq!(reason(0.0, 0.01, 0.0, HoldFailure::TooLow), FailureReason::Missed);
-        assert_eq!(reason(0.0, 0.09, 0.0, HoldFailure::TooLow), FailureReason::PushedAway);
-        assert_eq!(reason(0.1, 0.0, 0.0, HoldFailure::Slipped), FailureReason::Dropped);
-        assert_eq!(reason(0.1, 0.0, 0.1, HoldFailure::Slipped), FailureReason::Slipped);
-        assert_eq!(reason(0.1, 0.0, 0.08, HoldFailure::TooLow), FailureReason::TooLow);
-        assert_eq!(reason(0.2, 0.0, 0.2, HoldFailure::ForeignContact), FailureReason::TooLow);
-        assert_eq!(reason(0.2, 0.0, 0.195, HoldFailure::NoContact), FailureReason::Dropped);
     }
 }

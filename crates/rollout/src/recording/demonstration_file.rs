@@ -1,11 +1,10 @@
 //! Demonstration file of a dataset, for replay without a policy.
 
-use crate::attempt::Attempt;
-use crate::controller::Controller;
-use crate::recording::{check_provenance, check_states, parse_row};
+use crate::attempt::{Attempt, Controller};
+use crate::recording::check_provenance;
+use crate::recording::joint_targets::{check_states, parse_states};
 use crate::rollout_context::{RolloutContext, RolloutError};
 use objects::object::Object;
-use robot::JointState;
 use scene::scene_hash;
 
 /// Max joint speed (rad/s) of a valid demonstration.
@@ -38,8 +37,7 @@ impl DemonstrationFile {
     ) -> Result<Attempt, RolloutError> {
         check_provenance("scene", scene_hash(), &self.scene_hash)?;
         check_provenance("object", object.hash(), &self.object_hash)?;
-        let states: Vec<JointState> =
-            self.states.iter().enumerate().map(parse_row).collect::<Result<_, _>>()?;
+        let states = parse_states(&self.states)?;
         if states.is_empty() {
             return Err(RolloutError::NoStates);
         }
@@ -57,6 +55,7 @@ impl DemonstrationFile {
 mod tests {
     use super::*;
     use crate::fixtures;
+    use crate::recording::joint_targets::to_row;
     use crate::{Outcome, Phase};
     use grasps::PlacedObject;
 
@@ -69,14 +68,13 @@ mod tests {
         let world_from_object = robot.config.object_pose(pose[0], pose[1], pose[2]);
         let placed = PlacedObject::new(robot, &object, &world_from_object);
         let found = fixtures::demonstration(&placed);
-        let row = |state: &JointState| state.q.iter().chain(state.qd.iter()).copied().collect();
         let file = DemonstrationFile {
             description: "one".into(),
             scene_hash: scene_hash(),
             object_hash: object.hash(),
             object_name: "sugar_box".into(),
             object_pose: pose,
-            states: found.states.iter().map(row).collect(),
+            states: found.states.iter().map(to_row).collect(),
         };
         let text = serde_json::to_string(&file).unwrap();
         let file: DemonstrationFile = serde_json::from_str(&text).unwrap();

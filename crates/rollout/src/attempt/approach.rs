@@ -1,18 +1,15 @@
-//! Planning before the policy starts: camera capture, start configuration, and a quintic spline in joint
-//! space to it (paper §IV).
+//! Planning before the policy starts: observation, start configuration, and a quintic spline in joint space to
+//! it (paper §III-F, §IV).
 
-use crate::controller::Controller;
-use crate::demonstration_library::DemonstrationLibrary;
-use crate::outcome::FailureReason;
+use crate::attempt::setup::{AttemptSetup, capture_cloud};
+use crate::attempt::{DemonstrationLibrary, FailureReason};
 use crate::rollout_context::{RolloutContext, RolloutError};
-use geometry::{Pose, Vec3};
 use grasps::PlacedObject;
 use grasps::plan::demonstration::{self, TrajectoryConfig};
 use grasps::plan::{lift, object_poses};
 use grasps::set::catalog::catalog_grasps;
 use grasps::set::grasp::Grasp;
 use grasps::set::symmetry::expand_by_symmetry;
-use objects::object::Object;
 use policy::{Model, Observation};
 use rand_chacha::ChaCha8Rng;
 use robot::{ARM_DOF, HAND_DOF, Isometry, JointState, JointVector, KinematicTree, spline};
@@ -22,21 +19,25 @@ use scene::config::CONTROL_DT;
 pub(crate) struct ApproachInputs<'a> {
     /// Robot, sensor and model.
     pub(crate) context: &'a RolloutContext,
-    /// The object. Policies have access to its point cloud only.
-    pub(crate) object: &'a Object,
-    /// Name of the object.
-    pub(crate) object_name: &'a str,
-    /// Pose of the object, world frame.
-    pub(crate) world_from_object: Pose,
-    /// Captured point cloud (m), base frame.
-    pub(crate) cloud: &'a [Vec3],
+    /// The object and its point cloud. Policies have access to the cloud only.
+    pub(crate) setup: &'a AttemptSetup,
     /// Desired palm pose of the start configuration, world frame.
     pub(crate) target: Isometry,
-    /// Current joint position (rad).
-    pub(crate) home: JointVector,
 }
 
-/// A planned approach, with the planned grasp if there is one.
+/// z in the observation of the network.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum LatentInput {
+    /// z of the captured cloud.
+    Observed,
+    /// z of the same object at another pose.
+    Shuffled,
+    /// z = 0.
+    Zero,
+}
+
+/// A planned approach, with the planned grasp if there is one. Empty after a failure.
+#[derive(Default)]
 pub(crate) struct Approach {
     /// States from home to the start configuration; a planned grasp follows without a gap.
     pub(crate) states: Vec<JointState>,
@@ -47,38 +48,24 @@ pub(crate) struct Approach {
 }
 
 impl ApproachInputs<'_> {
-    /// Plans the approach from `home`, or returns the reason of the failure.
-    pub(crate) fn plan(
+    /// Plans a demonstration with the grasps of a built-in object.
+    pub(crate) fn plan_catalog_grasps(
         &self,
-        controller: &Controller,
         rng: &mut ChaCha8Rng,
     ) -> Result<Result<Approach, FailureReason>, RolloutError> {
-        match controller {
-            Controller::Replay(recording) => {
-                let rows: Vec<JointState> = recording.states.iter().skip(1).copied().collect();
-                let ticks = recording.phase_starts.policy.unwrap_or(rows.len());
-                Ok(Ok(Approach { states: rows, approach_ticks: ticks, observation: None }))
-            }
-            Controller::Planner => {
-                let unknown = || RolloutError::NoGrasps(self.object_name.to_owned());
-                let set = catalog_grasps(self.object_name).ok_or_else(unknown)?;
-                self.plan_demonstration(&set.grasps, rng)
-            }
-            Controller::PlannedGrasps(grasps) => self.plan_demonstration(grasps, rng),
-            Controller::Demonstration(states) if states.is_empty() => Err(RolloutError::NoStates),
-            Controller::Demonstration(states) => Ok(Ok(self.prepend_approach(states))),
-            Controller::Playback(library) => self.plan_playback(library),
-            _ => self.plan_for_policy(controller, rng),
-        }
+        let name = &self.setup.object_name;
+        let set = catalog_grasps(name).ok_or_else(|| RolloutError::NoGrasps(name.clone()))?;
+        self.plan_demonstration(&set.grasps, rng)
     }
 
     /// Plans a demonstration with the first of these grasps that is feasible.
-    fn plan_demonstration(
+    pub(crate) fn plan_demonstration(
         &self,
         grasps: &[Grasp],
         rng: &mut ChaCha8Rng,
     ) -> Result<Result<Approach, FailureReason>, RolloutError> {
-        let (robot, object, pose) = (&self.context.robot, self.object, &self.world_from_object);
+        let AttemptSetup { object, world_from_object: pose, .. } = self.setup;
+        let robot = &self.context.robot;
         let config = TrajectoryConfig::standard();
         let placed = PlacedObject::new(robot, object, pose);
         for (_, posture) in placed.reachable(&expand_by_symmetry(object, grasps)) {
@@ -96,10 +83,15 @@ impl ApproachInputs<'_> {
         Ok(Err(FailureReason::Unreachable))
     }
 
+    /// Joint position (rad) before the first step.
+    fn home(&self) -> JointVector {
+        self.context.robot.config.home()
+    }
+
     /// Prepends a spline from home to the first state of a demonstration.
-    fn prepend_approach(&self, states: &[JointState]) -> Approach {
+    pub(crate) fn prepend_approach(&self, states: &[JointState]) -> Approach {
         let limits = &self.context.robot.tree.limits;
-        let mut rows = spline::quintic(&self.home, &states[0].q, limits, CONTROL_DT);
+        let mut rows = spline::quintic(&self.home(), &states[0].q, limits, CONTROL_DT);
         let ticks = rows.len();
         rows.extend(&states[1..]);
         Approach { states: rows, approach_ticks: ticks, observation: None }
@@ -110,7 +102,7 @@ impl ApproachInputs<'_> {
         &self,
     ) -> Result<Result<(&Model, Observation, JointVector), FailureReason>, RolloutError> {
         let model = self.context.model.as_ref().ok_or(RolloutError::NoModel)?;
-        let Some(observation) = model.observe(self.cloud) else {
+        let Some(observation) = model.observe(&self.setup.cloud) else {
             return Ok(Err(FailureReason::NotVisible));
         };
         let start = model.start_model.find(&observation, &self.target);
@@ -118,7 +110,7 @@ impl ApproachInputs<'_> {
     }
 
     /// Plans the demonstration that starts nearest to the start configuration.
-    fn plan_playback(
+    pub(crate) fn plan_playback(
         &self,
         library: &DemonstrationLibrary,
     ) -> Result<Result<Approach, FailureReason>, RolloutError> {
@@ -129,9 +121,9 @@ impl ApproachInputs<'_> {
     }
 
     /// Plans a spline to the start configuration, where the policy starts.
-    fn plan_for_policy(
+    pub(crate) fn plan_for_policy(
         &self,
-        controller: &Controller,
+        latent: LatentInput,
         rng: &mut ChaCha8Rng,
     ) -> Result<Result<Approach, FailureReason>, RolloutError> {
         let robot = &self.context.robot;
@@ -140,35 +132,24 @@ impl ApproachInputs<'_> {
             Err(failure) => return Ok(Err(failure)),
         };
         let zero = || vec![0.0; model.observation_kind.dim()];
-        let observation = match controller {
-            Controller::ZeroLatent => Observation { latent: zero(), ..observation },
-            Controller::ShuffledLatent => {
+        let observation = match latent {
+            LatentInput::Zero => Observation { latent: zero(), ..observation },
+            LatentInput::Shuffled => {
                 let [x, y, yaw] = object_poses::sample_planar_pose(robot, rng);
                 let other = robot.config.object_pose(x, y, yaw);
-                let cloud = capture_cloud(self.context, self.object, &other, rng);
+                let cloud = capture_cloud(self.context, &self.setup.object, &other, rng);
                 let z = model.observe(&cloud).map_or_else(zero, |other| other.latent);
                 Observation { latent: z, ..observation }
             }
-            _ => observation,
+            LatentInput::Observed => observation,
         };
-        let rows = spline::quintic(&self.home, &start, &robot.tree.limits, CONTROL_DT);
+        let rows = spline::quintic(&self.home(), &start, &robot.tree.limits, CONTROL_DT);
         Ok(Ok(Approach {
             approach_ticks: rows.len(),
             states: rows,
             observation: Some(observation),
         }))
     }
-}
-
-/// Captures one noisy depth image and extracts its point cloud.
-pub(crate) fn capture_cloud(
-    context: &RolloutContext,
-    object: &Object,
-    world_from_object: &Pose,
-    rng: &mut ChaCha8Rng,
-) -> Vec<Vec3> {
-    let frame = context.sensor.capture(&object.mesh, world_from_object, rng);
-    context.sensor.extract_cloud(&frame)
 }
 
 /// A spline that flexes the fingers by the hand's scripted angle, or up to the joint limits, at a fixed palm.

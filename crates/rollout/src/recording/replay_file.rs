@@ -1,8 +1,7 @@
 //! A file that can be replayed: a demonstration of a dataset or a recorded attempt.
 
 use crate::attempt::Attempt;
-use crate::demonstration_file::DemonstrationFile;
-use crate::recording::AttemptRecording;
+use crate::recording::{AttemptRecording, DemonstrationFile};
 use crate::rollout_context::{RolloutContext, RolloutError};
 use objects::object::Object;
 use serde::de::IgnoredAny;

@@ -1,0 +1,241 @@
+//! A grasp attempt, stepped at the control rate.
+//!
+//! In: an object, a seed, and a controller or a recording. Out: an outcome, and the commanded states so far.
+//! A driver, live or replay, moves the robot and the phases; see `live_driver`, `phases`, `replay_driver`.
+
+mod approach;
+mod contact_history;
+mod controller;
+mod demonstration_library;
+mod driver;
+mod live_driver;
+mod outcome;
+mod phase_clock;
+mod phases;
+mod protocol_state;
+mod replay_driver;
+mod setup;
+
+pub use controller::Controller;
+pub use demonstration_library::DemonstrationLibrary;
+pub use outcome::{FailureReason, Outcome};
+pub(crate) use phase_clock::PhaseStarts;
+pub use phases::Phase;
+pub(crate) use replay_driver::RecordedTrajectory;
+pub use setup::sample_object_pose;
+pub(crate) use setup::{AttemptSetup, sample_pose_with_rng};
+
+use crate::interaction::Disturbance;
+use crate::rollout_context::{RolloutContext, RolloutError};
+use approach::{Approach, ApproachInputs};
+use driver::Driver;
+use geometry::Vec3;
+use live_driver::LiveDriver;
+use objects::object::Object;
+use policy::{Model, Observation};
+use protocol_state::ProtocolState;
+use replay_driver::ReplayDriver;
+use robot::JointState;
+use scene::{ContactForce, Scene};
+use std::ops::RangeInclusive;
+
+/// A grasp attempt in progress.
+///
+/// ```rust
+/// use rollout::{Attempt, Controller, Phase, RolloutContext};
+/// let context = RolloutContext::new()?;
+/// let object = objects::Object::from_catalog("sugar_box").expect("a built-in object");
+/// // No pose is given, so it is sampled from the seed 0. The planner needs no model.
+/// let mut attempt = Attempt::new(&context, &object, "sugar_box", None, 0, Controller::Planner)?;
+/// let [x, y, _yaw] = attempt.pose(); // m, m, rad
+/// assert!(context.robot.config.workspace.contains([x, y]));
+/// // One control period of 1/30 s; `attempt.run(&context)` steps to the outcome.
+/// attempt.step(&context);
+/// assert_eq!((attempt.ticks(), attempt.phase()), (1, Phase::Approach));
+/// assert!(attempt.outcome().is_none());
+/// # Ok::<(), rollout::RolloutError>(())
+/// ```
+pub struct Attempt {
+    setup: AttemptSetup,
+    driver: Driver,
+    state: ProtocolState,
+    /// Commanded states: the initial state and one per tick.
+    history: Vec<JointState>,
+    disturbance: Disturbance,
+}
+
+impl Attempt {
+    /// Samples the object pose (unless given), captures and encodes a cloud, and plans the approach.
+    pub fn new(
+        context: &RolloutContext,
+        object: &Object,
+        name: &str,
+        pose: Option<[f32; 3]>,
+        seed: u64,
+        controller: Controller,
+    ) -> Result<Self, RolloutError> {
+        let (setup, mut rng) = AttemptSetup::sample(context, object, name, pose, seed)?;
+        let target = setup.sample_start_target(&context.robot, &mut rng);
+        let mut state = ProtocolState::new(context, &setup)?;
+        let inputs = ApproachInputs { context, setup: &setup, target };
+        let approach = controller.plan(&inputs, &mut rng)?.unwrap_or_else(|failure| {
+            state.fail(failure);
+            Approach::default()
+        });
+        let driver = Driver::Live(LiveDriver::new(controller.properties(), approach));
+        Ok(Self::with_driver(setup, state, driver))
+    }
+
+    /// Starts the replay of a recorded attempt with this object, pose and seed.
+    pub(crate) fn replay(
+        context: &RolloutContext,
+        object: &Object,
+        name: &str,
+        pose: [f32; 3],
+        seed: u64,
+        recording: RecordedTrajectory,
+    ) -> Result<Self, RolloutError> {
+        let (setup, _) = AttemptSetup::sample(context, object, name, Some(pose), seed)?;
+        let mut state = ProtocolState::new(context, &setup)?;
+        let driver = Driver::Replay(ReplayDriver::new(recording, &mut state));
+        Ok(Self::with_driver(setup, state, driver))
+    }
+
+    fn with_driver(setup: AttemptSetup, state: ProtocolState, driver: Driver) -> Self {
+        let history = vec![*state.commanded()];
+        Self { setup, driver, state, history, disturbance: Disturbance::default() }
+    }
+
+    /// Advances the attempt by one control period.
+    pub fn step(&mut self, context: &RolloutContext) {
+        if self.phase() == Phase::Done {
+            return;
+        }
+        self.disturbance.record_step();
+        let next = match self.driver.next_state(&self.state, context) {
+            Ok(next) => next,
+            Err(reason) => return self.state.fail(reason),
+        };
+        self.state.track(&next);
+        self.history.push(next);
+        self.driver.update_phase(&mut self.state, context);
+    }
+
+    /// Steps until there is an outcome.
+    pub fn run(&mut self, context: &RolloutContext) -> Outcome {
+        loop {
+            if let Some(outcome) = self.outcome() {
+                return outcome;
+            }
+            self.step(context);
+        }
+    }
+
+    /// Steps one control period after the outcome, which does not change. The hand keeps its
+    /// commanded position.
+    pub fn step_after_outcome(&mut self) {
+        self.state.hold_position();
+    }
+
+    /// Drags a point of the object (m, object frame) towards a target (m, world frame); `None` releases it. A
+    /// drag during a step makes the attempt irreproducible from its seed.
+    pub fn drag(&mut self, drag: Option<(Vec3, Vec3)>) {
+        self.disturbance.drag(self.state.scene_mut(), drag);
+    }
+
+    /// Whether the user is dragging the object.
+    pub fn is_disturbed(&self) -> bool {
+        self.disturbance.is_active()
+    }
+
+    /// Whether the user dragged the object before the outcome.
+    pub fn was_disturbed(&self) -> bool {
+        self.disturbance.was_active()
+    }
+
+    /// Current phase.
+    pub fn phase(&self) -> Phase {
+        self.state.phase()
+    }
+
+    /// Outcome, after the end of the attempt.
+    pub fn outcome(&self) -> Option<Outcome> {
+        self.state.outcome()
+    }
+
+    /// Number of control periods so far.
+    pub fn ticks(&self) -> usize {
+        self.state.ticks()
+    }
+
+    /// The simulated scene.
+    pub fn scene(&self) -> &Scene {
+        self.state.scene()
+    }
+
+    /// Commanded joint state.
+    pub fn commanded_state(&self) -> &JointState {
+        self.state.commanded()
+    }
+
+    /// Captured point cloud (m), base frame.
+    pub fn cloud(&self) -> &[Vec3] {
+        &self.setup.cloud
+    }
+
+    /// Initial pose of the object: x, y (m), yaw (rad).
+    pub fn pose(&self) -> [f32; 3] {
+        self.setup.pose
+    }
+
+    /// Seed of all random samples of the attempt.
+    pub fn seed(&self) -> u64 {
+        self.setup.seed
+    }
+
+    /// Hash of the current state, or of the state at the outcome (hex).
+    pub fn state_hash(&self) -> String {
+        self.state.state_hash()
+    }
+
+    /// Current contact forces on the object.
+    pub fn contact_forces(&self) -> Vec<ContactForce> {
+        self.state.scene().contact_forces()
+    }
+
+    pub(crate) fn setup(&self) -> &AttemptSetup {
+        &self.setup
+    }
+
+    /// Commanded states: the initial state and one per tick.
+    pub(crate) fn history(&self) -> &[JointState] {
+        &self.history
+    }
+
+    pub(crate) fn phase_starts(&self) -> PhaseStarts {
+        self.state.phase_starts()
+    }
+
+    /// Ticks between start configuration and lift.
+    pub(crate) fn policy_ticks(&self) -> RangeInclusive<usize> {
+        self.driver.approach_ticks()..=self.phase_starts().lift.unwrap_or(self.ticks())
+    }
+
+    /// Commanded states between start configuration and lift; empty if the policy phase was not reached.
+    pub(crate) fn policy_segment(&self) -> &[JointState] {
+        self.history.get(self.policy_ticks()).unwrap_or_default()
+    }
+
+    /// Observation of the object; `None` if the controller does not use the point cloud.
+    pub(crate) fn observation(&self) -> Option<&Observation> {
+        self.driver.live()?.observation()
+    }
+
+    /// The model and its observation, if the controller uses a network.
+    pub(crate) fn network<'a>(
+        &'a self,
+        context: &'a RolloutContext,
+    ) -> Option<(&'a Model, &'a Observation)> {
+        self.driver.live()?.network(context)
+    }
+}
