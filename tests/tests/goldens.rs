@@ -11,10 +11,10 @@ use imitation::train::backward::Loss;
 use imitation::train::data_parallel::Gradient;
 use imitation::train::expert;
 use imitation::train::loss::joint_and_fingertip_error;
+use policy::LATENT_DIM;
 use policy::acceleration_mlp::{self, AccelerationMlp, AccelerationMlpConfig};
 use policy::encoder::{
-    CLOUD_POINTS, DECODER_WIDTHS, Decoder, Encoder, GLOBAL_WIDTHS, LATENT_DIM, LOCAL_WIDTHS,
-    READOUT_WIDTHS,
+    CLOUD_POINTS, DECODER_WIDTHS, Decoder, Encoder, GLOBAL_WIDTHS, LOCAL_WIDTHS, READOUT_WIDTHS,
 };
 use policy::network::NetworkConfig;
 use policy::ngf::{NgfConfig, SUBNETWORKS};

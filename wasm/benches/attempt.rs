@@ -58,7 +58,7 @@ fn rows() {
     for _ in 0..30 {
         let start = now();
         for _ in 0..10 {
-            std::hint::black_box(model.network.acceleration(&state, &[0.5; 32]));
+            std::hint::black_box(model.network.canonical_acceleration(&state, &[0.5; 32]));
         }
         steps.push((now() - start) / 10.0);
     }

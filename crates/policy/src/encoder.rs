@@ -5,14 +5,13 @@
 //! on the choice of these points, but not on their order or on that of the other points. (Exception: two
 //! points at the same distance from a centre.)
 
+use crate::LATENT_DIM;
 use crate::mlp::{Activation, Mlp};
 use crate::observation::{self, Observation};
 use crate::weights::{Tensors, WeightsError};
 use crate::whitening::Whitening;
 use geometry::Vec3;
 
-/// Dimension of z.
-pub const LATENT_DIM: usize = 32;
 /// Number of points of a cloud.
 pub const CLOUD_POINTS: usize = 512;
 /// Number of neighbourhood centres: the first points of a cloud in farthest-point order.

@@ -18,7 +18,7 @@ pub mod start_model;
 pub mod weights;
 pub mod whitening;
 
-pub use encoder::{Encoder, LATENT_DIM};
+pub use encoder::Encoder;
 pub use model::Model;
 pub use network::{Network, ObservationKind, PolicyConfig};
 pub use ngf::Ngf;
@@ -26,3 +26,6 @@ pub use observation::Observation;
 pub use start_model::StartModel;
 pub use weights::WeightsError;
 pub use whitening::Whitening;
+
+/// Dimension of z.
+pub const LATENT_DIM: usize = 32;

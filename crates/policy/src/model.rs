@@ -78,7 +78,7 @@ fn default_version() -> u32 {
 /// assert!((observation.azimuth - std::f64::consts::FRAC_PI_2).abs() < 1e-3); // rad
 /// assert_eq!(observation.latent.len(), policy::LATENT_DIM);
 /// let q = robot::joint_vector(&tree.hand.arm.nominal, &[0.3; robot::HAND_DOF]);
-/// let qdd = observation.acceleration(&model.network, &JointState::at_rest(q)); // rad/s²
+/// let qdd = model.network.acceleration(&JointState::at_rest(q), &observation); // rad/s²
 /// assert!(qdd.is_some_and(|qdd| qdd.norm() > 0.0));
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
@@ -220,13 +220,13 @@ mod tests {
         let model = load(&bytes(&weights()), &bytes(&starts()), &config()).unwrap();
         let state = JointState::at_rest(JointVector::from_element(0.3));
         let object = Observation { azimuth: 0.3, latent: vec![0.1; LATENT_DIM] };
-        let qdd = object.acceleration(&model.network, &state);
+        let qdd = model.network.acceleration(&state, &object);
         assert!(qdd.is_some());
         // A common rotation of object and first joint changes nothing.
         let mut turned = state;
         turned.q[0] += 0.25;
         let object = Observation { azimuth: 0.55, ..object };
-        assert_eq!(object.acceleration(&model.network, &turned), qdd);
+        assert_eq!(model.network.acceleration(&turned, &object), qdd);
         assert_eq!(model.decoder.decode(&[0.1; LATENT_DIM]).len(), crate::encoder::CLOUD_POINTS);
     }
 

@@ -1,9 +1,11 @@
 //! The policies of the comparison: their observation of the object, and their network (paper §IV).
 
+use crate::LATENT_DIM;
 use crate::acceleration_mlp::{AccelerationMlp, AccelerationMlpConfig};
-use crate::encoder::{self, LATENT_DIM};
+use crate::encoder;
 use crate::head::NeuralFabric;
 use crate::ngf::{Ngf, NgfConfig};
+use crate::observation::Observation;
 use crate::weights::{Tensors, WeightsError};
 use geometry::Vec3;
 use robot::{JointLimits, JointState, JointVector};
@@ -119,11 +121,24 @@ impl Network {
         })
     }
 
-    /// q̈ (rad/s²) at a state and for an observation in the canonical frame; `None` if it is not finite.
-    pub fn acceleration(&self, state: &JointState, observation: &[f32]) -> Option<JointVector> {
+    /// q̈ (rad/s²) at a state, for an observed object; `None` if it is not finite.
+    pub fn acceleration(
+        &self,
+        state: &JointState,
+        observation: &Observation,
+    ) -> Option<JointVector> {
+        self.canonical_acceleration(&observation.state_to_canonical(state), &observation.latent)
+    }
+
+    /// q̈ (rad/s²) at a state in the canonical frame, for z or a position; `None` if it is not finite.
+    pub fn canonical_acceleration(
+        &self,
+        state: &JointState,
+        latent: &[f32],
+    ) -> Option<JointVector> {
         match self {
-            Self::Ngf(ngf) => ngf.acceleration(state, observation),
-            Self::Mlp(mlp) => mlp.acceleration(state, observation),
+            Self::Ngf(ngf) => ngf.acceleration(state, latent),
+            Self::Mlp(mlp) => mlp.acceleration(state, latent),
         }
     }
 

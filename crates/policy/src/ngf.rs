@@ -261,7 +261,7 @@ impl Ngf {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::encoder::LATENT_DIM;
+    use crate::LATENT_DIM;
     use crate::mlp::Dense;
     use robot::KinematicTree;
 

@@ -4,7 +4,6 @@
 //! robot's vertical axis to azimuth 0. The robot's first joint has this axis, so the rotated task is the same
 //! task. This removes one of the three dimensions of an object's pose from the learning problem.*
 
-use crate::network::Network;
 use geometry::Vec3;
 use robot::{Isometry, JointState, JointVector, rotation};
 
@@ -46,11 +45,6 @@ pub fn cloud_from_canonical(azimuth: f64, cloud: &[Vec3]) -> Vec<Vec3> {
 }
 
 impl Observation {
-    /// q̈ (rad/s²) of a policy at a state; `None` if it is not finite.
-    pub fn acceleration(&self, network: &Network, state: &JointState) -> Option<JointVector> {
-        network.acceleration(&self.state_to_canonical(state), &self.latent)
-    }
-
     /// A state in the canonical frame: the first joint is shifted by the azimuth.
     pub fn state_to_canonical(&self, state: &JointState) -> JointState {
         JointState { q: self.to_canonical(&state.q), qd: state.qd }

@@ -1,6 +1,6 @@
 //! Whitening of z: principal axes, each scaled to unit variance, so that all axes have equal weight.
 
-use crate::encoder::LATENT_DIM;
+use crate::LATENT_DIM;
 use crate::weights::{Tensors, WeightsError};
 
 /// An affine map of z, and its inverse.

@@ -5,6 +5,7 @@ pub mod closing;
 mod config;
 pub mod contact_forces;
 mod grasp_search;
+mod palm_transfer;
 pub mod robustness;
 pub mod transfer;
 pub mod trial;

@@ -13,7 +13,7 @@ use crate::plan::demonstration::TrajectoryConfig;
 use crate::plan::object_poses::{PlannedGrasp, coverage_poses, reachability};
 use crate::plan::{demonstration, lift};
 use crate::search::trial::{self, Physics, TrialOutcome, TrialProtocol};
-use crate::search::{candidates, transfer};
+use crate::search::{candidates, palm_transfer};
 use crate::set::clusters::{ScoredGrasp, half_turn};
 use crate::set::grasp::{Grasp, Posture};
 use crate::set::k_medoids;
@@ -100,7 +100,7 @@ pub fn mean_success_rate(
     }
     let mut sum = own;
     for SimilarObject { object: other, shape_variant } in similar {
-        if let Some(grasp) = transfer::reclose(robot, object, grasp, other, shape_variant) {
+        if let Some(grasp) = palm_transfer::reclose(robot, object, grasp, other, shape_variant) {
             sum += success_rate_over(robot, other, &grasp, EARLY_STOP[0])?;
         }
     }

@@ -21,7 +21,7 @@ pub fn fingertip_errors(tree: &KinematicTree, policy: &Network, groups: &[&DemoG
         let mut state = JointState::at_rest(observation.from_canonical(start));
         for _ in 0..ROLLOUT_STEPS {
             let diverged = || JointVector::repeat(f64::NAN);
-            let qdd = observation.acceleration(policy, &state).unwrap_or_else(diverged);
+            let qdd = policy.acceleration(&state, observation).unwrap_or_else(diverged);
             state = tree.limits.clamp_state(&integrator::step(&state, &qdd, CONTROL_DT));
         }
         let end = group.demonstrations.state(group.demonstrations.rows() - 1).q;

@@ -59,7 +59,7 @@ impl LiveDriver {
             Feedback::Measured => state.measured(),
             Feedback::Commanded => *state.commanded(),
         };
-        let qdd = observation.acceleration(&model.network, &from); // Eq. 3-5
+        let qdd = model.network.acceleration(&from, observation); // Eq. 3-5
         let qdd = qdd.ok_or(FailureReason::NotFinite)?;
         let next = integrator::step(&from, &qdd, CONTROL_DT); // Eq. 6, 7
         Ok(context.robot.tree.limits.clamp_state(&next))

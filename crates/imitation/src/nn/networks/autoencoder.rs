@@ -6,9 +6,10 @@ use crate::nn::{Params, linear, mlp};
 use anyhow::Result;
 use candle_core::{D, Device, Tensor};
 use geometry::Vec3;
+use policy::LATENT_DIM;
 use policy::encoder::{
-    CLOUD_POINTS, DECODER_WIDTHS, ENCODER_ACTIVATION, GLOBAL_WIDTHS, LATENT_DIM, LOCAL_WIDTHS,
-    NUM_CENTERS, NUM_NEIGHBORS, READOUT_WIDTHS, local_input, neighborhoods, normalized_position,
+    CLOUD_POINTS, DECODER_WIDTHS, ENCODER_ACTIVATION, GLOBAL_WIDTHS, LOCAL_WIDTHS, NUM_CENTERS,
+    NUM_NEIGHBORS, READOUT_WIDTHS, local_input, neighborhoods, normalized_position,
 };
 use rand_chacha::ChaCha8Rng;
 

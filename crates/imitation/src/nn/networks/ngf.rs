@@ -198,7 +198,7 @@ impl Ngf {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use policy::encoder::LATENT_DIM;
+    use policy::LATENT_DIM;
     use rand::SeedableRng;
     use robot::KinematicTree;
 
