@@ -14,6 +14,7 @@ mod robot_visuals;
 mod session;
 mod statistics;
 mod worker;
+mod worker_scope;
 
 use wasm_bindgen::prelude::wasm_bindgen;
 

@@ -6,13 +6,12 @@ use crate::fetch;
 use crate::object_import::{self, LoadedObject};
 use crate::protocol::{Cloud, Event, Failure, Frame, Model, Progress, ProgressUnit, Request};
 use crate::session::{Session, start_failure};
+use crate::worker_scope::{invalid_message, now_ms, post, scope};
 use objects::import::ImportOptions;
-use serde::Serialize;
-use serde_wasm_bindgen::Serializer;
 use std::cell::RefCell;
 use wasm_bindgen::JsCast;
 use wasm_bindgen::closure::Closure;
-use web_sys::{DedicatedWorkerGlobalScope, MessageEvent};
+use web_sys::MessageEvent;
 
 /// Max time that messages wait for a batch (ms).
 const BATCH_SLICE_MS: f64 = 30.0;
@@ -386,28 +385,4 @@ fn with_worker(act: impl FnOnce(&mut Worker)) {
             act(worker);
         }
     });
-}
-
-fn post(message: &Event) {
-    let serializer = Serializer::new().serialize_missing_as_null(true);
-    // A failure to serialise or post a message cannot be reported, since reports are messages too.
-    if let Ok(message) = message.serialize(&serializer) {
-        scope().post_message(&message).ok();
-    }
-}
-
-fn invalid_message(error: &serde_wasm_bindgen::Error) -> Failure {
-    Failure {
-        code: "invalid_message",
-        message: format!("The worker received an invalid message: {error}."),
-        hint: "Reload the page; it may be older than its worker.".into(),
-    }
-}
-
-fn scope() -> DedicatedWorkerGlobalScope {
-    js_sys::global().unchecked_into()
-}
-
-fn now_ms() -> f64 {
-    scope().performance().map_or_else(js_sys::Date::now, |performance| performance.now())
 }

@@ -6,6 +6,7 @@
 //! such an import, pass its [`ImportedObject::orientation`] as an option.
 
 use crate::object::{DEFAULT_FRICTION, Object};
+pub use crate::orientation::{Orientation, OrientationReason};
 use mesh::{self, ImportedMesh, Mesh, MeshError, RepairReport, ResolvedUnit, SimplifyReport, Unit};
 use progress::Progress;
 
@@ -28,16 +29,6 @@ pub struct ImportOptions {
     pub orientation: Option<Orientation>,
 }
 
-/// Orientation of an object on the table; serialized as `"asInFile"` or `{"stablePose": 2}`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize, serde::Serialize)]
-#[serde(rename_all = "camelCase")]
-pub enum Orientation {
-    /// Orientation of the file.
-    AsInFile,
-    /// Index of a stable pose; 0 is the most stable one.
-    StablePose(usize),
-}
-
 /// Source of an object's mass.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum MassSource {
@@ -47,41 +38,6 @@ pub enum MassSource {
     DefaultDensity,
     /// The end of [`MASS_RANGE`] (kg) to which the estimate was clamped.
     Clamped(f64),
-}
-
-/// Reason for an object's orientation.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
-#[serde(rename_all = "camelCase")]
-pub enum OrientationReason {
-    /// Given in the options, or stable in the orientation of the file.
-    Given,
-    /// The file appears to be y-up.
-    YUpFile,
-    /// The orientation of the file tilts slightly: the object settles on its base.
-    Settled,
-    /// The orientation of the file is unstable: the most stable pose is used.
-    Unstable,
-    /// The orientation of the file is unstable: an [`OrientationChooser`] selected the pose.
-    ChosenByModel,
-}
-
-impl OrientationReason {
-    /// Message for the user; `None` for [`Self::Given`].
-    pub fn message(self) -> Option<&'static str> {
-        Some(match self {
-            Self::Given => return None,
-            Self::YUpFile => "The file appears to be y-up; the object was rotated to z-up.",
-            Self::Settled => {
-                "The object would tilt slightly in the orientation of the file; the pose after settling is used instead."
-            }
-            Self::Unstable => {
-                "The orientation in the file is unstable; the most stable pose is used instead."
-            }
-            Self::ChosenByModel => {
-                "The orientation in the file is unstable; the stable pose most similar to the training data is used instead."
-            }
-        })
-    }
 }
 
 /// An object from a mesh file, with the assumptions and repairs of the import.

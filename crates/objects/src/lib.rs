@@ -7,6 +7,7 @@ pub mod catalog;
 pub mod import;
 pub mod loft;
 pub mod object;
+mod orientation;
 pub mod shape_variant;
 pub mod symmetry;
 

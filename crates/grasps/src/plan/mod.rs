@@ -4,3 +4,4 @@ pub mod demonstration;
 pub mod lift;
 pub mod object_poses;
 pub mod reachability;
+mod retreat;
