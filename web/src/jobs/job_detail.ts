@@ -12,7 +12,8 @@ import { evaluationTable } from "./evaluations";
 import type { JobFeed } from "./job_feed";
 import { Log, lastLines } from "./log";
 import type { View } from "./main_view";
-import { DEMO, EVALUATION, FACTS, JOB, KINDS, LOG, PROGRESS } from "./strings";
+import { KINDS } from "./kinds";
+import { DEMO, EVALUATION, FACTS, JOB, LOG, PROGRESS } from "./strings";
 import { type Artifact, type Checkpoint, ENDED, type Evaluation, type Job, title } from "./types";
 import { UndoableDelete } from "./undoable_delete";
 

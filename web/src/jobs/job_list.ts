@@ -4,7 +4,8 @@ import { button, element, h } from "../common/dom";
 import { caughtErrorCard } from "../common/components";
 import type { JobFeed } from "./job_feed";
 import { JobRow } from "./job_row";
-import { KINDS, LIST } from "./strings";
+import { KINDS } from "./kinds";
+import { LIST } from "./strings";
 
 export class JobList {
   readonly #feed: JobFeed;

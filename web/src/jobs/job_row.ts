@@ -3,7 +3,8 @@
 import { h } from "../common/dom";
 import { dateTime, duration } from "../common/numbers";
 import { phaseText, showStatus, timeLeft } from "./components";
-import { KINDS, LIST, PROGRESS } from "./strings";
+import { KINDS } from "./kinds";
+import { LIST, PROGRESS } from "./strings";
 import { ENDED, type Job, title } from "./types";
 
 export class JobRow {

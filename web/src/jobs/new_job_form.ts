@@ -9,7 +9,8 @@ import { COPY_AS_CURL } from "../common/strings";
 import { copyCommand, tokenHeader } from "../common/curl";
 import type { JobFeed } from "./job_feed";
 import { fetchAll } from "./paginated_table";
-import { DATASETS, FORM, KINDS, PARAMETERS } from "./strings";
+import { KINDS } from "./kinds";
+import { DATASETS, FORM, PARAMETERS } from "./strings";
 import { type Job, title } from "./types";
 import type { View } from "./main_view";
 

@@ -1,13 +1,5 @@
 // Texts of the Jobs page. Static text is in jobs/index.html.
 
-export const KINDS: Record<string, string> = {
-  "dataset.generate": "Generate dataset",
-  "encoder.train": "Train encoder",
-  "policy.train": "Train policy",
-  "policy.evaluate": "Evaluate policy",
-  "mesh.prepare": "Inspect mesh",
-};
-
 export const STATUSES: Record<string, string> = {
   queued: "Queued",
   running: "Running",

@@ -1,7 +1,7 @@
 // Resources of the job server (docs/api.md).
 
 import type { Orientation } from "../demo/worker/protocol";
-import { KINDS } from "./strings";
+import { KINDS } from "./kinds";
 
 export type Status = "queued" | "running" | "paused" | "cancelling" | "succeeded" | "failed" | "cancelled";
 

@@ -1,7 +1,8 @@
 //! Job kinds: one file per kind, with its parameters and everything that the server knows about it.
 //!
 //! A new kind needs a file here that implements [`JobKind`], an entry in the table below, and a command of
-//! `ngf`. Requests, the database, the OpenAPI description and the worker commands follow from the table.
+//! `ngf-worker`. Requests, the database, the OpenAPI description, the form on the page and the worker commands
+//! follow from the table.
 
 mod command_line;
 mod cost;
@@ -31,15 +32,15 @@ use validate::parse;
 
 table::job_kinds! {
     /// Generates demonstrations and point clouds.
-    DatasetGenerate = "dataset.generate" => #[serde(default)] dataset_generate::DatasetParams;
+    DatasetGenerate = "dataset.generate", "Generate dataset" => #[serde(default)] dataset_generate::DatasetParams;
     /// Trains the autoencoder on the point clouds of a dataset.
-    EncoderTrain = "encoder.train" => encoder_train::EncoderParams;
+    EncoderTrain = "encoder.train", "Train encoder" => encoder_train::EncoderParams;
     /// Trains a policy on the demonstrations of a dataset, with a trained encoder.
-    PolicyTrain = "policy.train" => policy_train::PolicyParams;
+    PolicyTrain = "policy.train", "Train policy" => policy_train::PolicyParams;
     /// Evaluates a policy: grasp attempts by the protocol.
-    PolicyEvaluate = "policy.evaluate" => policy_evaluate::EvaluationParams;
+    PolicyEvaluate = "policy.evaluate", "Evaluate policy" => policy_evaluate::EvaluationParams;
     /// Inspects a mesh and decomposes it into convex parts.
-    MeshPrepare = "mesh.prepare" => mesh_prepare::MeshParams;
+    MeshPrepare = "mesh.prepare", "Inspect mesh" => mesh_prepare::MeshParams;
 }
 
 /// Parameters of a job kind, and its behaviour.

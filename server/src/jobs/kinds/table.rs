@@ -1,12 +1,12 @@
 //! The table of job kinds, from which their enumerations are generated.
 
 /// Generates [`Kind`](super::Kind), [`Params`](super::Params) and [`JobTask`](super::JobTask) from a table with
-/// one entry per kind: its description, the name of the variant, the name in JSON, and the type of its
-/// parameters. The attribute `#[serde(default)]` marks parameters that a request may omit.
+/// one entry per kind: its description, the name of the variant, the name in JSON, the title on the page,
+/// and the type of its parameters. The attribute `#[serde(default)]` marks parameters that a request may omit.
 macro_rules! job_kinds {
     ($(
         #[doc = $doc:tt]
-        $kind:ident = $name:tt => $(#[$($attribute:tt)*])* $module:ident::$params:ident;
+        $kind:ident = $name:tt, $title:tt => $(#[$($attribute:tt)*])* $module:ident::$params:ident;
     )*) => {
         $(pub(crate) use $module::$params;)*
 
@@ -131,6 +131,7 @@ macro_rules! job_kinds {
         #[expect(dead_code, reason = "OpenAPI schema")]
         pub(crate) enum JobTask {
             $(
+                #[schema(title = $title)]
                 #[serde(rename = $name)]
                 $kind {
                     $(#[$($attribute)*])*
