@@ -5,7 +5,7 @@ use grasps::RobotContext;
 use imitation::data::split;
 use imitation::models::encoder::TrainedEncoder;
 use imitation::nn::Params;
-use imitation::nn::networks::network::{self, Network};
+use imitation::nn::networks::{self, Network};
 use objects::catalog::built_in_objects;
 use policy::model::ModelConfig;
 use policy::weights::Tensors;
@@ -30,7 +30,7 @@ fn inference_and_training_networks_agree_on_dataset_states() {
     let config = ModelConfig::parse(include_bytes!("../../models/default/config.json")).unwrap();
     let encoder = TrainedEncoder::from_model(weights).unwrap();
     let mut params = Params::default();
-    network::init(&mut params, &config.policy, &mut ChaCha8Rng::seed_from_u64(0)).unwrap();
+    networks::init(&mut params, &config.policy, &mut ChaCha8Rng::seed_from_u64(0)).unwrap();
     params.restore(weights).unwrap();
     let limits = &robot.tree.limits;
     let twin = Network::new(&config.policy, limits).unwrap();

@@ -5,19 +5,19 @@ use candle_core::{Device, Tensor};
 use configs::Gains;
 use geometry::Vec3;
 use imitation::nn::Params;
-use imitation::nn::networks::{acceleration_mlp as trained_mlp, autoencoder, network};
+use imitation::nn::networks::{self, acceleration_mlp as trained_mlp, autoencoder};
 use imitation::nn::ops::chamfer::Chamfer;
 use imitation::train::backward::Loss;
 use imitation::train::data_parallel::Gradient;
 use imitation::train::expert;
 use imitation::train::loss::joint_and_fingertip_error;
 use policy::LATENT_DIM;
-use policy::acceleration_mlp::{self, AccelerationMlp, AccelerationMlpConfig};
 use policy::encoder::{
     CLOUD_POINTS, DECODER_WIDTHS, Decoder, Encoder, GLOBAL_WIDTHS, LOCAL_WIDTHS, READOUT_WIDTHS,
 };
-use policy::network::NetworkConfig;
-use policy::ngf::{NgfConfig, SUBNETWORKS};
+use policy::networks::NetworkConfig;
+use policy::networks::acceleration_mlp::{self, AccelerationMlp, AccelerationMlpConfig};
+use policy::networks::ngf::{NgfConfig, SUBNETWORKS};
 use policy::weights::Tensors;
 use policy::{Ngf, ObservationKind, PolicyConfig, Whitening};
 use robot::{DOF, JointState, JointVector, KinematicTree};
@@ -111,14 +111,14 @@ fn batch() -> (Vec<JointState>, Vec<f32>) {
 }
 
 /// Configuration, parameters and training network of the golden policy.
-fn ngf() -> (NgfConfig, Params, network::Network) {
+fn ngf() -> (NgfConfig, Params, networks::Network) {
     let config: NgfConfig = serde_json::from_value(golden("policy")["config"].clone()).unwrap();
     let mut params = Params::default();
     SUBNETWORKS.iter().for_each(|part| add_layers(&mut params, part.name, &part.widths(&config)));
     let network = NetworkConfig::Ngf(config.clone());
     let policy = PolicyConfig { observation: ObservationKind::Cloud, network };
     let limits = KinematicTree::iiwa7_allegro().unwrap().limits;
-    (config, params, network::Network::new(&policy, &limits).unwrap())
+    (config, params, networks::Network::new(&policy, &limits).unwrap())
 }
 
 /// Gradient of a weighted sum of the network's accelerations.

@@ -7,7 +7,7 @@ use files::atomic_file;
 use imitation::nn::Params;
 use imitation::nn::networks::{autoencoder, ngf};
 use objects::object::Object;
-use policy::ngf::NgfConfig;
+use policy::networks::ngf::NgfConfig;
 use policy::weights::Tensors;
 use policy::{Encoder, LATENT_DIM, Ngf, Whitening};
 use rand::SeedableRng;

@@ -14,7 +14,7 @@ use indicatif::ProgressBar;
 use objects::import::MOST_STABLE;
 use objects::object::Object;
 use policy::PolicyConfig;
-use policy::network::{NetworkConfig, POLICY_NAMES};
+use policy::networks::{NetworkConfig, POLICY_NAMES};
 use rollout::{Attempt, Controller, RolloutContext};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};

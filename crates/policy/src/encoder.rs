@@ -6,7 +6,7 @@
 //! points at the same distance from a centre.)
 
 use crate::LATENT_DIM;
-use crate::mlp::{Activation, Mlp};
+use crate::networks::mlp::{Activation, Mlp};
 use crate::observation::{self, Observation};
 use crate::weights::{Tensors, WeightsError};
 use crate::whitening::Whitening;
@@ -161,7 +161,7 @@ fn max_in_place(largest: &mut [f32], values: &[f32]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mlp::Dense;
+    use crate::networks::mlp::Dense;
 
     fn mlp(widths: &[usize]) -> Mlp {
         let wave = |k: usize| libm::sinf((k * k + 7 * k + widths[0]) as f32);

@@ -4,14 +4,9 @@
 //! Plain Rust with a fixed order of every sum, so that an attempt has the same bits natively and in the
 //! browser. Training uses other code, in `imitation`; tests compare both.
 
-pub mod acceleration_mlp;
 pub mod encoder;
-pub mod fourier;
-pub mod head;
-pub mod mlp;
 pub mod model;
-pub mod network;
-pub mod ngf;
+pub mod networks;
 pub mod observation;
 pub mod simd;
 pub mod start_model;
@@ -20,8 +15,8 @@ pub mod whitening;
 
 pub use encoder::Encoder;
 pub use model::Model;
-pub use network::{Network, ObservationKind, PolicyConfig};
-pub use ngf::Ngf;
+pub use networks::ngf::Ngf;
+pub use networks::{Network, ObservationKind, PolicyConfig};
 pub use observation::Observation;
 pub use start_model::StartModel;
 pub use weights::WeightsError;

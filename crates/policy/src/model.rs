@@ -1,7 +1,7 @@
 //! A deployed model: encoder, policy, start configurations, configuration.
 
 use crate::encoder::{Decoder, Encoder};
-use crate::network::{self, Network, ObservationKind, PolicyConfig};
+use crate::networks::{self, Network, ObservationKind, PolicyConfig};
 use crate::observation::{Observation, canonicalize};
 use crate::start_model::StartModel;
 use crate::weights::{Tensors, WeightsError};
@@ -128,7 +128,7 @@ impl Model {
             ObservationKind::Position if cloud.is_empty() => None,
             ObservationKind::Position => {
                 let (azimuth, canonical) = canonicalize(cloud);
-                Some(Observation { azimuth, latent: network::normalized_centroid(&canonical) })
+                Some(Observation { azimuth, latent: networks::normalized_centroid(&canonical) })
             }
         }
     }
@@ -140,8 +140,8 @@ mod tests {
     use crate::LATENT_DIM;
     use crate::Whitening;
     use crate::encoder::{DECODER_WIDTHS, GLOBAL_WIDTHS, LOCAL_WIDTHS, READOUT_WIDTHS};
-    use crate::network::NetworkConfig;
-    use crate::ngf::{NgfConfig, SUBNETWORKS};
+    use crate::networks::NetworkConfig;
+    use crate::networks::ngf::{NgfConfig, SUBNETWORKS};
     use robot::{DOF, JointState, JointVector};
     use safetensors::Dtype;
     use safetensors::tensor::TensorView;

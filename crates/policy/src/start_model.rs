@@ -1,7 +1,7 @@
 //! Start configuration of an attempt: nearest neighbour in the training data (paper §III-F), or the output of
 //! a network, which the paper leaves for future work.
 
-use crate::mlp::{Activation, Mlp};
+use crate::networks::mlp::{Activation, Mlp};
 use crate::observation::Observation;
 use crate::weights::{Tensors, WeightsError};
 use robot::{DOF, Isometry, JointLimits, JointVector, KinematicTree, rotation};
@@ -203,7 +203,7 @@ fn palm_distance(a: &Isometry, b: &Isometry) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mlp::Dense;
+    use crate::networks::mlp::Dense;
 
     fn tree() -> KinematicTree {
         KinematicTree::iiwa7_allegro().unwrap()

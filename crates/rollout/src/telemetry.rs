@@ -2,7 +2,7 @@
 
 use crate::attempt::Attempt;
 use crate::rollout_context::RolloutContext;
-use policy::head::{AccelerationTerms, NeuralFabric};
+use policy::networks::head::{AccelerationTerms, NeuralFabric};
 use policy::{Model, Observation};
 use robot::{JointLimits, JointState};
 

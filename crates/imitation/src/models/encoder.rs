@@ -7,7 +7,7 @@ use anyhow::{Context, Result};
 use geometry::Vec3;
 use policy::encoder::points_from_output;
 use policy::weights::Tensors;
-use policy::{Observation, ObservationKind, Whitening, network};
+use policy::{Observation, ObservationKind, Whitening, networks};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use std::path::Path;
@@ -69,7 +69,7 @@ impl TrainedEncoder {
                 .map(|cloud| {
                     let (azimuth, canonical) =
                         policy::observation::canonicalize(&net::to_points(cloud));
-                    Observation { azimuth, latent: network::normalized_centroid(&canonical) }
+                    Observation { azimuth, latent: networks::normalized_centroid(&canonical) }
                 })
                 .collect()),
         }

@@ -110,7 +110,7 @@ fn merge_safetensors(
 mod tests {
     use super::*;
     use crate::data::demo_group::mean_configuration;
-    use crate::nn::networks::{autoencoder as net, network};
+    use crate::nn::networks::{self, autoencoder as net};
     use crate::train::expert::DemoTrajectories;
     use policy::{LATENT_DIM, Model, Observation, PolicyConfig, Whitening};
     use rand::SeedableRng;
@@ -139,7 +139,7 @@ mod tests {
 
         let config = DaggerConfig::standard(PolicyConfig::tiny());
         let mut policy = Params::default();
-        network::init(&mut policy, &config.policy, &mut ChaCha8Rng::seed_from_u64(2)).unwrap();
+        networks::init(&mut policy, &config.policy, &mut ChaCha8Rng::seed_from_u64(2)).unwrap();
         let files = model_files(&encoder, &policy, &config, &[group]).unwrap();
         let model = Model::load(&files.weights, &files.starts, &files.config, &tree).unwrap();
         for azimuth in [0.3, -0.6] {

@@ -11,7 +11,7 @@ pub use params::Params;
 
 use candle_core::{Result, Tensor};
 use ops::linear::LinearAct;
-use policy::mlp::Activation;
+use policy::networks::mlp::Activation;
 
 /// Layer f(xW + b) on a batch, x (B, inputs), W (inputs, outputs).
 pub(crate) fn linear(

@@ -5,8 +5,8 @@
 //! only if there are fewer networks than threads.
 
 use crate::nn::Params;
-use crate::nn::networks::network::{Network, NetworkOutput};
 use crate::nn::networks::ngf::{SubnetOutput, TrainableSet};
+use crate::nn::networks::{Network, NetworkOutput};
 use crate::train::data_parallel::{Gradient, Gradients, parallel_map};
 use anyhow::{Context, Result};
 use candle_core::{Device, Tensor, Var};
@@ -144,10 +144,11 @@ fn split_rows(rows: usize, parts: usize) -> Vec<Range<usize>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::nn::networks::network;
-    use policy::network::NetworkConfig;
+    use crate::nn::networks;
+    use policy::networks::NetworkConfig;
     use policy::{
-        LATENT_DIM, ObservationKind, PolicyConfig, acceleration_mlp::AccelerationMlpConfig,
+        LATENT_DIM, ObservationKind, PolicyConfig,
+        networks::acceleration_mlp::AccelerationMlpConfig,
     };
     use rand::SeedableRng;
     use rand_chacha::ChaCha8Rng;
@@ -173,7 +174,7 @@ mod tests {
         for config in [PolicyConfig::tiny(), mlp] {
             assert_eq!(config.observation, ObservationKind::Cloud);
             let mut params = Params::default();
-            network::init(&mut params, &config, &mut ChaCha8Rng::seed_from_u64(1)).unwrap();
+            networks::init(&mut params, &config, &mut ChaCha8Rng::seed_from_u64(1)).unwrap();
             let wave = |k: usize| 0.2 * libm::sinf((k * k % 1013) as f32);
             params.set_values(&(0..params.count()).map(wave).collect::<Vec<_>>()).unwrap();
             let network = Network::new(&config, &limits).unwrap();

@@ -5,8 +5,8 @@ use crate::data::demo_group::DemoGroup;
 use crate::data::rollout_buffer::{self, RolloutState, StateSampler, is_on_track};
 use crate::nn::Params;
 use crate::nn::adam::{AdamW, cosine_schedule};
-use crate::nn::networks::network::{self, Network, NetworkOutput};
 use crate::nn::networks::ngf::TrainableSet;
+use crate::nn::networks::{self, Network, NetworkOutput};
 use crate::train::backward::{self, Batch, Loss, StepResult};
 use crate::train::callback::{LossAverager, TrainingCallback, TrainingStatus};
 use crate::train::expert;
@@ -48,7 +48,7 @@ pub fn train(
     let sampler = StateSampler::new(groups, &tree.limits);
     let mut rng = ChaCha8Rng::seed_from_u64(config.seed);
     let mut params = Params::default();
-    network::init(&mut params, &config.policy, &mut rng)?;
+    networks::init(&mut params, &config.policy, &mut rng)?;
     if let Some(weights) = init_weights {
         params.restore(weights)?;
     }
@@ -240,7 +240,7 @@ mod tests {
             trained.unwrap().unwrap()
         };
         let mut fresh = Params::default();
-        network::init(&mut fresh, &tiny().policy, &mut ChaCha8Rng::seed_from_u64(0)).unwrap();
+        networks::init(&mut fresh, &tiny().policy, &mut ChaCha8Rng::seed_from_u64(0)).unwrap();
         let changed = |params: &Params| -> BTreeSet<String> {
             let values = |params: &Params, name: &str| {
                 params.tensor(name).unwrap().flatten_all().unwrap().to_vec1::<f32>().unwrap()
@@ -259,7 +259,7 @@ mod tests {
         let tree = KinematicTree::iiwa7_allegro().unwrap();
         let config = tiny();
         let mut params = Params::default();
-        network::init(&mut params, &config.policy, &mut ChaCha8Rng::seed_from_u64(5)).unwrap();
+        networks::init(&mut params, &config.policy, &mut ChaCha8Rng::seed_from_u64(5)).unwrap();
         let loss_at = |turn: f32| {
             let groups = [demo_group(2, turn)];
             let mut state = groups[0].demonstrations.state(1);

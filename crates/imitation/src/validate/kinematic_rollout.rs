@@ -58,13 +58,13 @@ mod tests {
     use super::*;
     use crate::data::rollout_buffer::fixtures::demo_group;
     use crate::nn::Params;
-    use crate::nn::networks::network;
+    use crate::nn::networks;
     use crate::train::expert::DemoTrajectories;
     use policy::PolicyConfig;
-    use policy::acceleration_mlp::AccelerationMlpConfig;
-    use policy::head::BASE_DAMPING;
-    use policy::network::NetworkConfig;
-    use policy::ngf::NgfConfig;
+    use policy::networks::NetworkConfig;
+    use policy::networks::acceleration_mlp::AccelerationMlpConfig;
+    use policy::networks::head::BASE_DAMPING;
+    use policy::networks::ngf::NgfConfig;
     use policy::weights::Tensors;
     use rand::SeedableRng;
     use rand_chacha::ChaCha8Rng;
@@ -73,7 +73,7 @@ mod tests {
     fn untrained(network: NetworkConfig, tree: &KinematicTree) -> Network {
         let config = PolicyConfig { network, ..PolicyConfig::tiny() };
         let mut params = Params::default();
-        network::init(&mut params, &config, &mut ChaCha8Rng::seed_from_u64(3)).unwrap();
+        networks::init(&mut params, &config, &mut ChaCha8Rng::seed_from_u64(3)).unwrap();
         let bytes = params.export(&[]).unwrap();
         Network::load(&Tensors::parse(&bytes).unwrap(), &config, &tree.limits).unwrap()
     }

@@ -6,7 +6,7 @@ use super::{STOPPED, TrainArgs, parse_fraction, parse_norm, parse_positive, reje
 use crate::job_client;
 use ::policy::PolicyConfig;
 use ::policy::model::{CONFIG_FILE, ModelConfig, WEIGHTS_FILE};
-use ::policy::network::{NetworkConfig, POLICY_NAMES};
+use ::policy::networks::{NetworkConfig, POLICY_NAMES};
 use anyhow::{Context, Result, bail};
 use configs::DaggerConfig;
 use dataset::Dataset;

@@ -9,7 +9,7 @@ use crate::jobs::scheduler::OutputCollector;
 use crate::store::StoreError;
 use configs::DaggerConfig;
 use policy::PolicyConfig;
-use policy::network::POLICY_NAMES;
+use policy::networks::POLICY_NAMES;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 use utoipa::openapi::schema::Schema;

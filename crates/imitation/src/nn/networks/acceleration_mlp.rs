@@ -1,11 +1,11 @@
-//! Batched acceleration MLP (the baseline); counterpart of `policy::acceleration_mlp`.
+//! Batched acceleration MLP (the baseline); counterpart of `policy::networks::acceleration_mlp`.
 
 use crate::nn::{Params, mlp};
 use anyhow::Result;
 use candle_core::{Device, Tensor};
-use policy::acceleration_mlp::{AccelerationMlpConfig, TENSOR_PREFIX, inputs};
-use policy::fourier::NUM_FREQUENCIES;
-use policy::mlp::Activation;
+use policy::networks::acceleration_mlp::{AccelerationMlpConfig, TENSOR_PREFIX, inputs};
+use policy::networks::fourier::NUM_FREQUENCIES;
+use policy::networks::mlp::Activation;
 use rand_chacha::ChaCha8Rng;
 use robot::{JointLimits, JointState};
 

@@ -1,4 +1,4 @@
-//! Batched NGF; counterpart of `policy::ngf`. ∂ψ/∂q consists of forward operations, so that one ordinary
+//! Batched NGF; counterpart of `policy::networks::ngf`. ∂ψ/∂q consists of forward operations, so that one ordinary
 //! backward pass trains it.
 
 use crate::nn::ops::elu_backward::EluBackward;
@@ -8,9 +8,9 @@ use crate::nn::ops::matmul_nt::MatmulNT;
 use crate::nn::{Params, linear, mlp};
 use anyhow::Result;
 use candle_core::{DType, Device, Tensor};
-use policy::fourier::{FourierFeatures, NUM_FREQUENCIES};
-use policy::mlp::Activation;
-use policy::ngf::{
+use policy::networks::fourier::{FourierFeatures, NUM_FREQUENCIES};
+use policy::networks::mlp::Activation;
+use policy::networks::ngf::{
     DAMPING, DRIVING_METRIC, GEOMETRY, GEOMETRY_METRIC, NgfConfig, POTENTIAL, SUBNETWORKS, inputs,
 };
 use rand_chacha::ChaCha8Rng;
@@ -45,7 +45,7 @@ pub enum TrainableSet {
 /// One of the five networks, and the location of its output in the packed row.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SubnetOutput {
-    /// Index into [`policy::ngf::SUBNETWORKS`].
+    /// Index into [`policy::networks::ngf::SUBNETWORKS`].
     pub subnetwork: usize,
     /// Columns of its output in the packed row.
     pub columns: Range<usize>,

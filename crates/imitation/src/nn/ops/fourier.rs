@@ -1,8 +1,8 @@
-//! Batched Fourier features and their vector-Jacobian product; counterpart of `policy::fourier`.
+//! Batched Fourier features and their vector-Jacobian product; counterpart of `policy::networks::fourier`.
 
 use crate::nn::ops::storage::{contiguous, with_values};
 use candle_core::{CpuStorage, CustomOp1, Device, Layout, Result, Shape, Tensor};
-use policy::fourier::{NUM_FEATURES, NUM_FREQUENCIES, sin_cos};
+use policy::networks::fourier::{NUM_FEATURES, NUM_FREQUENCIES, sin_cos};
 use policy::simd::with_simd;
 
 /// Cosines, then sines of the phases, shape (B, FEATURES). Constants for automatic differentiation.

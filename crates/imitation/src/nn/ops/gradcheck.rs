@@ -9,9 +9,9 @@ use crate::nn::ops::linear::LinearAct;
 use crate::nn::ops::linear_max_pool::LinearMaxPool;
 use crate::nn::ops::matmul_nt::MatmulNT;
 use candle_core::{Device, Tensor, Var};
-use policy::fourier::{NUM_FEATURES, NUM_FREQUENCIES};
-use policy::head::{BASE_DAMPING, METRIC_FLOOR, REST_EPS, TRIANGLE_ENTRIES};
-use policy::mlp::Activation;
+use policy::networks::fourier::{NUM_FEATURES, NUM_FREQUENCIES};
+use policy::networks::head::{BASE_DAMPING, METRIC_FLOOR, REST_EPS, TRIANGLE_ENTRIES};
+use policy::networks::mlp::Activation;
 use robot::{DOF, JointMatrix, JointVector};
 
 /// Values of a tensor in double precision.

@@ -6,7 +6,7 @@ use crate::nn::ops::matmul_nt::matmul_nt;
 use crate::nn::ops::storage::{contiguous, with_values};
 use candle_core::backend::BackendStorage;
 use candle_core::{CpuStorage, CustomOp3, Layout, Result, Shape, Tensor};
-use policy::mlp::Activation;
+use policy::networks::mlp::Activation;
 use policy::simd::with_simd;
 
 /// Layer with activation: x (N, inputs), W (inputs, outputs), b (outputs) to y (N, outputs).
@@ -158,7 +158,7 @@ mod tests {
     fn linear_act_matches_the_inference_layer() {
         let half: Vec<half::f16> = wave(35, 0.0).into_iter().map(half::f16::from_f32).collect();
         let weight: Vec<f32> = half.iter().map(|w| w.to_f32()).collect();
-        let layer = policy::mlp::Dense { weight: half, bias: wave(5, 1.0) };
+        let layer = policy::networks::mlp::Dense { weight: half, bias: wave(5, 1.0) };
         let x = wave(7, 2.0);
         let tensor = |v: &[f32], shape: &[usize]| Tensor::from_slice(v, shape, &Device::Cpu);
         let (tx, w, b) = (

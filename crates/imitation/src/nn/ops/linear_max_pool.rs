@@ -140,7 +140,7 @@ mod tests {
     use super::*;
     use crate::nn::ops::linear::LinearAct;
     use candle_core::{Device, Var};
-    use policy::mlp::Activation;
+    use policy::networks::mlp::Activation;
 
     fn wave(count: usize, by: f32) -> Vec<f32> {
         (0..count).map(|k| libm::sinf(by * (k * k % 997) as f32)).collect()

@@ -1,8 +1,8 @@
 //! The baseline: an MLP that predicts joint accelerations directly, without a fabric (paper §III-C).
 
-use crate::fourier::{FourierFeatures, InputBlock, NUM_FEATURES};
-use crate::mlp::{Activation, Mlp};
-use crate::ngf::SPEED_SCALE;
+use crate::networks::fourier::{FourierFeatures, InputBlock, NUM_FEATURES};
+use crate::networks::mlp::{Activation, Mlp};
+use crate::networks::ngf::SPEED_SCALE;
 use crate::weights::{Tensors, WeightsError};
 use robot::{DOF, JointLimits, JointState, JointVector};
 

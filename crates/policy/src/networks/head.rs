@@ -83,7 +83,7 @@ pub struct AccelerationTerms {
 ///
 /// *Departure: the paper's ELU reaches -1 and so cannot force a positive output; we add 1.*
 pub fn positive(x: f32) -> f32 {
-    crate::mlp::elu(x) + 1.0 + POSITIVE_FLOOR
+    crate::networks::mlp::elu(x) + 1.0 + POSITIVE_FLOOR
 }
 
 /// Unit velocity q̇ / sqrt(q̇ᵀq̇ + 1e-6); zero at rest.

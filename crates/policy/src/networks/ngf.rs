@@ -2,9 +2,9 @@
 //!
 //! q is in the canonical frame, with the object at azimuth 0 ([`crate::observation`]).
 
-use crate::fourier::{FourierFeatures, InputBlock, NUM_FEATURES};
-use crate::head::{NetworkOutputs, TRIANGLE_ENTRIES, unit_velocity};
-use crate::mlp::{Activation, Mlp};
+use crate::networks::fourier::{FourierFeatures, InputBlock, NUM_FEATURES};
+use crate::networks::head::{NetworkOutputs, TRIANGLE_ENTRIES, unit_velocity};
+use crate::networks::mlp::{Activation, Mlp};
 use crate::weights::{Tensors, WeightsError};
 use robot::{DOF, JointLimits, JointState, JointVector};
 
@@ -262,7 +262,7 @@ impl Ngf {
 mod tests {
     use super::*;
     use crate::LATENT_DIM;
-    use crate::mlp::Dense;
+    use crate::networks::mlp::Dense;
     use robot::KinematicTree;
 
     #[test]

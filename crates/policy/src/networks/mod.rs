@@ -1,10 +1,16 @@
 //! The policies of the comparison: their observation of the object, and their network (paper §IV).
 
+pub mod acceleration_mlp;
+pub mod fourier;
+pub mod head;
+pub mod mlp;
+pub mod ngf;
+
 use crate::LATENT_DIM;
-use crate::acceleration_mlp::{AccelerationMlp, AccelerationMlpConfig};
 use crate::encoder;
-use crate::head::NeuralFabric;
-use crate::ngf::{Ngf, NgfConfig};
+use crate::networks::acceleration_mlp::{AccelerationMlp, AccelerationMlpConfig};
+use crate::networks::head::NeuralFabric;
+use crate::networks::ngf::{Ngf, NgfConfig};
 use crate::observation::Observation;
 use crate::weights::{Tensors, WeightsError};
 use geometry::Vec3;
@@ -154,8 +160,8 @@ impl Network {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fourier::NUM_FEATURES;
-    use crate::ngf::SUBNETWORKS;
+    use crate::networks::fourier::NUM_FEATURES;
+    use crate::networks::ngf::SUBNETWORKS;
 
     #[test]
     fn every_policy_configuration_round_trips_through_json() {
