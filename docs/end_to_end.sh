@@ -1,7 +1,7 @@
 #!/bin/sh
 # From an empty server to an evaluated policy, with curl alone, at toy size (about a minute on two cores).
 #
-#     cargo build -p ngf -p ngf-worker && target/debug/ngf serve --data-dir DIR &
+#     cargo build --bin ngf --bin ngf-worker && target/debug/ngf serve --data-dir DIR &
 #     docs/end_to_end.sh http://127.0.0.1:8787 OUT   # writes the files of the model to OUT
 set -eu
 api=${1:?missing server URL}/api/v1

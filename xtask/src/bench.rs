@@ -51,7 +51,7 @@ const REPEATS: usize = 10;
 /// Runs all benchmarks, prints the rows and writes them to `json` if given. With `baselines`, also measures
 /// MuJoCo and PyTorch. Returns whether all budgets are met.
 pub(crate) fn run(workspace: &Workspace, json: Option<&Path>, baselines: bool) -> Result<bool> {
-    workspace::run(&mut workspace.cargo(&["build", "-q", "-p", "ngf", "-p", "ngf-worker"]))?;
+    workspace.build_programs(&["ngf", "ngf-worker"])?;
     let mut rows = native(workspace, &[])?;
     rows.extend(training(workspace, baselines)?);
     if baselines {
@@ -163,7 +163,7 @@ fn mujoco(workspace: &Workspace) -> Result<Row> {
 fn in_browser(workspace: &Workspace) -> Result<Vec<Row>> {
     let chromium = chromium::find(workspace)?;
     tools::wasm_target(workspace)?;
-    workspace::run(&mut workspace.cargo(&["build", "-q", "-p", "wasm-test-runner"]))?;
+    workspace.build_programs(&["wasm-test-runner"])?;
     let target = ["--target", "wasm32-unknown-unknown", "--profile", "wasm"];
     // Not `cargo bench`: the browser test runner supports neither `--bench` nor `--quiet`, which it would
     // pass.

@@ -9,9 +9,6 @@ use std::io::{BufRead, BufReader};
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
 
-/// Excludes workspace members from native builds: the browser crate and its test runner.
-const NOT_NATIVE: [&str; 4] = ["--exclude", "wasm", "--exclude", "wasm-test-runner"];
-
 /// Time limit of a browser test (s). The default of the runner, 20 s, is for unit tests.
 const WASM_TEST_SECONDS: &str = "300";
 
@@ -66,7 +63,7 @@ pub(crate) fn test(workspace: &Workspace) -> Result<bool> {
     });
     stages.stage("examples", |_| EXAMPLES.iter().try_for_each(|name| run_example(workspace, name)));
     stages.stage("docs", |_| {
-        let args = ["doc", "-q", "--workspace", "--no-deps", "--exclude", "wasm-test-runner"];
+        let args = ["doc", "-q", "--workspace", "--no-deps"];
         run(workspace.cargo(&args).env("RUSTDOCFLAGS", "-D warnings"))
     });
     Ok(stages.report())
@@ -107,7 +104,7 @@ pub(crate) fn stress(workspace: &Workspace, selection: &[LongCheck]) -> Result<b
         stages.stage("jobs", |stages| {
             let test = ["test", "--workspace", "--no-fail-fast", "--test", "jobs"];
             let mut cargo = workspace.cargo(&test);
-            cargo.args(NOT_NATIVE).args(["--", "--ignored", "--nocapture", "--test-threads", "1"]);
+            cargo.args(["--", "--ignored", "--nocapture", "--test-threads", "1"]);
             stages.count(&mut cargo)
         });
     }
@@ -124,7 +121,7 @@ pub(crate) fn stress(workspace: &Workspace, selection: &[LongCheck]) -> Result<b
 /// conform to the description or is a server error.
 fn fuzz_api(workspace: &Workspace) -> Result<()> {
     let python = python::environment(workspace, API_REQUIREMENTS)?;
-    run(&mut workspace.cargo(&["build", "-q", "-p", "ngf", "-p", "ngf-worker"]))?;
+    workspace.build_programs(&["ngf", "ngf-worker"])?;
     let folder = workspace.target.join("tmp/api");
     if folder.exists() {
         std::fs::remove_dir_all(&folder)?;
@@ -208,11 +205,10 @@ fn quick(workspace: &Workspace, stages: &mut StageRunner) {
     });
     stages.stage("lints", |_| {
         let mut clippy = workspace.cargo(&["clippy", "-q", "--workspace", "--all-targets"]);
-        run(clippy.args(["--exclude", "wasm-test-runner", "--", "-D", "warnings"]))
+        run(clippy.args(["--", "-D", "warnings"]))
     });
     stages.stage("native", |stages| {
-        let mut cargo = workspace.cargo(&["test", "--workspace", "--no-fail-fast"]);
-        stages.count(cargo.args(NOT_NATIVE))
+        stages.count(&mut workspace.cargo(&["test", "--workspace", "--no-fail-fast"]))
     });
     stages.stage("types", |_| {
         tools::node(workspace)?;
@@ -250,8 +246,11 @@ fn run_example(workspace: &Workspace, name: &str) -> Result<()> {
 fn wasm_tests(workspace: &Workspace) -> Result<Command> {
     let chromium = chromium::find(workspace)?;
     tools::wasm_target(workspace)?;
-    run(&mut workspace.cargo(&["build", "-q", "-p", "wasm-test-runner"]))?;
     let runner = workspace.program("wasm-test-runner");
+    // The native tests have built it.
+    if !runner.exists() {
+        workspace.build_programs(&["wasm-test-runner"])?;
+    }
     let mut cargo = workspace.cargo(&["test", "-p", "wasm", "--target", "wasm32-unknown-unknown"]);
     cargo
         .arg("--no-fail-fast")

@@ -36,7 +36,8 @@ pub(crate) fn build(workspace: &Workspace) -> Result<()> {
     // Missing tools are reported before builds that take minutes.
     tools::node(workspace)?;
     tools::wasm_target(workspace)?;
-    let mut cargo = workspace.cargo(&["build", "-p", "ngf", "-p", "ngf-worker"]);
+    let mut cargo =
+        workspace.cargo(&["build", "--workspace", "--bin", "ngf", "--bin", "ngf-worker"]);
     let mut server = cargo.spawn().context("cannot run cargo")?;
     let page = web_build::build(workspace);
     let status = timed("server", || Ok(server.wait()?))?;

@@ -59,6 +59,12 @@ impl Workspace {
         command
     }
 
+    /// Builds programs of the workspace with the features of all members, so that builds share dependencies.
+    pub(crate) fn build_programs(&self, names: &[&str]) -> Result<()> {
+        let mut cargo = self.cargo(&["build", "-q", "--workspace"]);
+        run(cargo.args(names.iter().flat_map(|name| ["--bin", name])))
+    }
+
     /// An npm command in `folder`.
     pub(crate) fn npm(&self, folder: &Path, args: &[&str]) -> Command {
         let mut command = self.command(if cfg!(windows) { "npm.cmd" } else { "npm" }, args);

@@ -13,7 +13,7 @@ pub(crate) fn executable() -> anyhow::Result<PathBuf> {
     let own = std::env::current_exe().context("cannot locate this executable")?;
     let worker = own.with_file_name(format!("{WORKER}{}", std::env::consts::EXE_SUFFIX));
     if !worker.is_file() {
-        bail!("{} does not exist; build it with `cargo build -p ngf-worker`", worker.display());
+        bail!("{} does not exist; build it with `cargo build --bin ngf-worker`", worker.display());
     }
     Ok(worker)
 }

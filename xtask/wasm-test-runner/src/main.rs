@@ -1,7 +1,6 @@
 //! Runner for `wasm-bindgen` tests in a headless browser; cargo calls it with the built test.
 //!
-//! A separate package, built only by `cargo xtask test`, because its dependencies are large. Its version is
-//! pinned together with `wasm-bindgen`, because the two must match exactly.
+//! Its version is pinned together with `wasm-bindgen`, because the two must match exactly.
 
 fn main() -> anyhow::Result<()> {
     wasm_bindgen_cli::wasm_bindgen_test_runner::run_cli_with_args(std::env::args_os())
