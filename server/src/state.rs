@@ -34,10 +34,31 @@ pub struct AppState {
     pub(crate) quotas: Quotas,
     /// Rate limiter of write requests, per client address.
     pub(crate) write_rate: Arc<WriteRateLimiter>,
+    /// Locks of mesh uploads and deletions.
+    pub(crate) mesh_locks: Arc<MeshLocks>,
     /// Prometheus metrics.
     pub(crate) metrics: Arc<Metrics>,
     /// Becomes true when the server shuts down.
     shutdown: tokio::sync::watch::Receiver<bool>,
+}
+
+/// Maximum number of concurrent inspections: a parsed mesh needs many times the memory of its file.
+const MAX_INSPECTIONS: usize = 2;
+
+/// Locks of mesh uploads and deletions.
+#[derive(Debug)]
+pub(crate) struct MeshLocks {
+    /// Held while a mesh is added or deleted, so that its file and its record stay consistent.
+    pub(crate) records: tokio::sync::Mutex<()>,
+    /// Permits of [`MAX_INSPECTIONS`].
+    pub(crate) inspections: Arc<tokio::sync::Semaphore>,
+}
+
+impl Default for MeshLocks {
+    fn default() -> Self {
+        let inspections = Arc::new(tokio::sync::Semaphore::new(MAX_INSPECTIONS));
+        Self { records: tokio::sync::Mutex::default(), inspections }
+    }
 }
 
 /// Cached hash of files, valid while their lengths and modification times do not change.
@@ -65,6 +86,7 @@ impl AppState {
             default_model: Arc::from(DEFAULT_MODEL_ID),
             quotas: Quotas::default(),
             write_rate: Arc::new(WriteRateLimiter::new(&Quotas::default())),
+            mesh_locks: Arc::default(),
             metrics: Arc::new(Metrics::new()),
             shutdown: tokio::sync::watch::channel(false).1,
         }

@@ -10,7 +10,7 @@ use grasps::RobotContext;
 use grasps::plan::object_poses;
 use objects::object::Object;
 use rand::Rng;
-use scene::camera::DepthImage;
+use scene::depth_camera::DepthImage;
 use scene::depth_sensor::DepthSensor;
 
 /// Renders point clouds with the depth sensor of the scene.

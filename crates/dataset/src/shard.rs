@@ -1,6 +1,6 @@
 //! Shard: all data of one object pose, stored in one file until the dataset is assembled.
 
-use anyhow::{Result, ensure};
+use anyhow::{Context, Result, bail, ensure};
 use dataset_manifest::KEPT;
 use files::tensors::{self, read_f32};
 use robot::{DOF, JointState, JointVector};
@@ -50,8 +50,15 @@ impl DemoOutcome {
         Self::ALL[self as usize].1
     }
 
-    fn from_code(code: f32) -> Option<Self> {
-        (code >= 0.0).then(|| Self::ALL[code as usize % Self::ALL.len()].0)
+    /// Outcome of a code in a shard; `None` for -1, an outcome that was not measured.
+    fn from_code(code: f32) -> Result<Option<Self>> {
+        if code == -1.0 {
+            return Ok(None);
+        }
+        let outcome =
+            Self::ALL.get(code as usize).filter(|(outcome, _)| *outcome as u8 as f32 == code);
+        let Some((outcome, _)) = outcome else { bail!("no outcome has the code {code}") };
+        Ok(Some(*outcome))
     }
 }
 
@@ -114,14 +121,14 @@ impl DemoTrial {
         ]
     }
 
-    fn from_values(x: &[f32]) -> Self {
-        Self {
+    fn from_values(x: &[f32]) -> Result<Self> {
+        Ok(Self {
             target: x[0] as usize,
             grasp: x[1] as usize,
-            outcome: DemoOutcome::from_code(x[2]).unwrap_or(DemoOutcome::NotConverged),
-            full_robot: DemoOutcome::from_code(x[3]),
-            shaken: DemoOutcome::from_code(x[4]),
-            perturbed: DemoOutcome::from_code(x[5]),
+            outcome: DemoOutcome::from_code(x[2])?.context("a trial has no outcome")?,
+            full_robot: DemoOutcome::from_code(x[3])?,
+            shaken: DemoOutcome::from_code(x[4])?,
+            perturbed: DemoOutcome::from_code(x[5])?,
             num_frames: x[6] as usize,
             contact_row: x[7] as usize,
             restarts: x[8] as usize,
@@ -130,7 +137,7 @@ impl DemoTrial {
             slip: x[11],
             is_reachable: x[12] > 0.5,
             goal_error: [x[13], x[14]],
-        }
+        })
     }
 }
 
@@ -220,7 +227,7 @@ impl PoseShard {
             trials: trials
                 .chunks_exact(DemoTrial::NUM_VALUES)
                 .map(DemoTrial::from_values)
-                .collect(),
+                .collect::<Result<_>>()?,
             offsets: read("offsets")?.iter().map(|&first| first as usize).collect(),
             states: read("states")?,
             accelerations: read("accelerations")?,
@@ -290,9 +297,12 @@ mod tests {
     fn outcome_codes_match_names() {
         for (i, (outcome, name)) in DemoOutcome::ALL.into_iter().enumerate() {
             assert_eq!((outcome as usize, outcome.name()), (i, name));
-            assert_eq!(DemoOutcome::from_code(i as f32), Some(outcome));
+            assert_eq!(DemoOutcome::from_code(i as f32).unwrap(), Some(outcome));
         }
-        assert_eq!(DemoOutcome::from_code(-1.0), None);
+        assert_eq!(DemoOutcome::from_code(-1.0).unwrap(), None);
+        for invalid in [8.0, 0.5, -2.0, f32::NAN] {
+            assert!(DemoOutcome::from_code(invalid).is_err(), "{invalid}");
+        }
     }
 
     #[test]

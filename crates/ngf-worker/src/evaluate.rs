@@ -1,6 +1,6 @@
 //! `ngf evaluate`: grasp attempts of a policy and of controls, as a table and as JSON.
 
-use crate::card;
+use crate::model_card;
 use crate::object_selection::{ObjectOptions, SelectedObject};
 use crate::progress_bar::Bar;
 use crate::train::parse_positive;
@@ -97,7 +97,7 @@ pub(crate) fn run(options: &Options) -> Result<()> {
     if let Some(path) = &options.json {
         atomic_file::write(path, &serde_json::to_vec_pretty(&reports)?)?;
     }
-    options.card.as_ref().map_or(Ok(()), |path| card::update(path, &reports))
+    options.card.as_ref().map_or(Ok(()), |path| model_card::update(path, &reports))
 }
 
 /// Seeds of `attempts` attempts from `first` on.

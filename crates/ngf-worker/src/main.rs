@@ -1,7 +1,6 @@
 //! `ngf-worker`: all commands of `ngf` except `serve`. Runs jobs, and the commands that `ngf` passes on.
 
 mod bench;
-mod card;
 mod compare;
 mod datagen_bench;
 mod dataset;
@@ -9,6 +8,7 @@ mod evaluate;
 mod grasps;
 mod job_client;
 mod mesh;
+mod model_card;
 mod object_selection;
 mod progress_bar;
 mod record;

@@ -7,7 +7,7 @@ use mesh::Mesh;
 use objects::catalog::parse_variant;
 use policy::observation::cloud_from_canonical;
 use policy::{Model, Observation};
-use scene::camera::RenderMesh;
+use scene::depth_camera::RenderMesh;
 
 /// Out-of-distribution measure of an observation.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]

@@ -4,7 +4,6 @@
 //! browser. Independent of files, threads and clocks.
 
 pub mod attempt;
-pub mod confidence;
 pub mod familiarity;
 #[cfg(test)]
 mod fixtures;
@@ -13,13 +12,14 @@ pub mod motion_metrics;
 pub mod recording;
 pub mod rollout_context;
 pub mod telemetry;
+pub mod wilson_interval;
 
 pub use attempt::{
     Attempt, Controller, DemonstrationLibrary, FailureReason, Outcome, Phase, sample_object_pose,
 };
-pub use confidence::{clustered_wilson95, wilson95};
 pub use familiarity::Familiarity;
 pub use motion_metrics::MotionMetrics;
 pub use recording::{AttemptRecording, DemonstrationFile, ReplayFile};
 pub use rollout_context::{RolloutContext, RolloutError};
 pub use telemetry::{TelemetrySample, TermNorms};
+pub use wilson_interval::{clustered_wilson95, wilson95};

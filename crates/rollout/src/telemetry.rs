@@ -2,7 +2,7 @@
 
 use crate::attempt::Attempt;
 use crate::rollout_context::RolloutContext;
-use policy::networks::head::{AccelerationTerms, NeuralFabric};
+use policy::networks::fabric_head::{AccelerationTerms, NeuralFabric};
 use policy::{Model, Observation};
 use robot::{JointLimits, JointState};
 

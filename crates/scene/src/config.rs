@@ -99,7 +99,7 @@ pub struct CameraConfig {
     pub noise: DepthNoise,
 }
 
-/// Noise parameters of a stereo depth sensor; see [`crate::noise`].
+/// Noise parameters of a stereo depth sensor; see [`crate::depth_noise`].
 #[derive(Clone, Debug, serde::Deserialize, serde::Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct DepthNoise {

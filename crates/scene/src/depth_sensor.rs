@@ -1,8 +1,8 @@
 //! Simulated depth sensor: noisy depth image, cropped and downsampled to a point cloud of fixed size.
 
-use crate::camera::{Camera, DepthImage, RenderMesh};
 use crate::config::{Crop, SceneConfig, vec3};
-use crate::noise;
+use crate::depth_camera::{Camera, DepthImage, RenderMesh};
+use crate::depth_noise;
 use geometry::{Pose, Vec3, point_cloud};
 use mesh::Mesh;
 use rand::Rng;
@@ -43,7 +43,7 @@ impl DepthSensor {
 
     /// Captures one noisy depth image of the object.
     pub fn capture(&self, mesh: &Mesh, world_from_object: &Pose, rng: &mut impl Rng) -> DepthImage {
-        noise::apply(&self.render(mesh, world_from_object), &self.config.camera, rng)
+        depth_noise::apply(&self.render(mesh, world_from_object), &self.config.camera, rng)
     }
 
     /// Renders one depth image without sensor noise.
@@ -56,7 +56,7 @@ impl DepthSensor {
 
     /// Captures one noisy depth image of a surface.
     pub fn capture_mesh(&self, surface: RenderMesh, rng: &mut impl Rng) -> DepthImage {
-        noise::apply(&self.render_mesh(surface), &self.config.camera, rng)
+        depth_noise::apply(&self.render_mesh(surface), &self.config.camera, rng)
     }
 
     fn render_mesh(&self, surface: RenderMesh) -> DepthImage {

@@ -3,14 +3,14 @@
 //! In: joint targets. Out: poses, contacts, point clouds. Independent of policies and planners. Physics types
 //! are private.
 
-pub mod camera;
 mod colliders;
 pub mod config;
+pub mod depth_camera;
+pub mod depth_noise;
 pub mod depth_sensor;
 mod floating_hand;
 pub mod hold_monitor;
 mod links;
-pub mod noise;
 mod scene;
 mod scene_hash;
 mod simulation;

@@ -19,7 +19,6 @@ use std::collections::BTreeMap;
 use std::time::Duration;
 use tempfile::NamedTempFile;
 use tokio::io::AsyncWriteExt;
-use tokio::sync::{Mutex, Semaphore};
 use utoipa::ToSchema;
 
 /// Maximum length of a stored file name (characters).
@@ -55,7 +54,7 @@ pub(crate) async fn upload(
         state.quotas.ensure_free_space(scheduler.data_dir())?;
         Err(problem)
     })?);
-    let permit = PARSE_PERMITS.acquire().await;
+    let permit = state.mesh_locks.inspections.clone().acquire_owned().await;
     let bytes = tokio::fs::read(upload.path()).await.map_err(|e| Problem::file_unreadable(&e))?;
     let inspected = tokio::task::spawn_blocking(move || {
         // Held until the inspection ends, even if the client disconnects.
@@ -68,7 +67,7 @@ pub(crate) async fn upload(
         .map_err(|_| Problem::invalid_mesh(PARSER_PANICKED.map(str::to_owned).into()))?;
     let summary = summary.map_err(|error| Problem::invalid_mesh(error.cause_and_hint()))?;
     let id = format!("msh_{}", &blake3::hash(&bytes).to_hex()[..16]);
-    let _guard = MESH_LOCK.lock().await;
+    let _guard = state.mesh_locks.records.lock().await;
     if let Some(known) = scheduler.store.record(RecordKind::Mesh, &id).await? {
         return Ok(Json(known).into_response());
     }
@@ -99,14 +98,8 @@ struct MeshForm {
     file: schemas::Bytes,
 }
 
-/// Held while a mesh is added or deleted, so that its file and its record stay consistent.
-static MESH_LOCK: Mutex<()> = Mutex::const_new(());
-
 /// Maximum duration of an upload: about the largest file at 100 kB/s.
 const UPLOAD_TIMEOUT: Duration = Duration::from_secs(600);
-
-/// Limits concurrent inspections: a parsed mesh needs many times the memory of its file.
-static PARSE_PERMITS: Semaphore = Semaphore::const_new(2);
 
 /// Message if the parser panics.
 const PARSER_PANICKED: [&str; 2] = ["the mesh cannot be parsed", "Try another file"];
@@ -246,10 +239,11 @@ pub(crate) async fn file(
     responses((status = 204, description = "The mesh is deleted")),
 )]
 pub(crate) async fn delete(
+    State(state): State<AppState>,
     RequireScheduler(scheduler): RequireScheduler,
     Path(id): Path<String>,
 ) -> Result<StatusCode, Problem> {
-    let _guard = MESH_LOCK.lock().await;
+    let _guard = state.mesh_locks.records.lock().await;
     if scheduler.store.record(RecordKind::Mesh, &id).await?.is_none() {
         return Err(Problem::record_not_found("mesh", &id));
     }

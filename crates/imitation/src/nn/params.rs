@@ -33,7 +33,7 @@ impl Params {
             let (inputs, outputs) = (pair[0], pair[1]);
             let is_last = layer + 2 == widths.len();
             let std = if is_last { last } else { 1.0 } / (inputs as f32).sqrt();
-            let draw = |_| scene::noise::normal_pair(rng).0 * std;
+            let draw = |_| scene::depth_noise::normal_pair(rng).0 * std;
             let weight: Vec<f32> = (0..inputs * outputs).map(draw).collect();
             self.add(&format!("{name}.{layer}.weight"), &[inputs, outputs], weight)?;
             self.add(&format!("{name}.{layer}.bias"), &[outputs], vec![0.0; outputs])?;

@@ -63,7 +63,7 @@ mod tests {
     use policy::PolicyConfig;
     use policy::networks::NetworkConfig;
     use policy::networks::acceleration_mlp::AccelerationMlpConfig;
-    use policy::networks::head::BASE_DAMPING;
+    use policy::networks::fabric_head::BASE_DAMPING;
     use policy::networks::ngf::NgfConfig;
     use policy::weights::Tensors;
     use rand::SeedableRng;

@@ -1,15 +1,15 @@
 //! The policies of the comparison: their observation of the object, and their network (paper §IV).
 
 pub mod acceleration_mlp;
+pub mod fabric_head;
 pub mod fourier;
-pub mod head;
 pub mod mlp;
 pub mod ngf;
 
 use crate::LATENT_DIM;
 use crate::encoder;
 use crate::networks::acceleration_mlp::{AccelerationMlp, AccelerationMlpConfig};
-use crate::networks::head::NeuralFabric;
+use crate::networks::fabric_head::NeuralFabric;
 use crate::networks::ngf::{Ngf, NgfConfig};
 use crate::observation::Observation;
 use crate::weights::{Tensors, WeightsError};

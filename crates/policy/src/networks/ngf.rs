@@ -2,8 +2,8 @@
 //!
 //! q is in the canonical frame, with the object at azimuth 0 ([`crate::observation`]).
 
+use crate::networks::fabric_head::{NetworkOutputs, TRIANGLE_ENTRIES, unit_velocity};
 use crate::networks::fourier::{FourierFeatures, InputBlock, NUM_FEATURES};
-use crate::networks::head::{NetworkOutputs, TRIANGLE_ENTRIES, unit_velocity};
 use crate::networks::mlp::{Activation, Mlp};
 use crate::weights::{Tensors, WeightsError};
 use robot::{DOF, JointLimits, JointState, JointVector};

@@ -1,8 +1,8 @@
 //! The two drivers of an attempt: live, with a controller, or the replay of a recording.
 
 use crate::attempt::FailureReason;
+use crate::attempt::attempt_state::AttemptState;
 use crate::attempt::live_driver::LiveDriver;
-use crate::attempt::protocol_state::ProtocolState;
 use crate::attempt::replay_driver::ReplayDriver;
 use crate::rollout_context::RolloutContext;
 use robot::JointState;
@@ -19,7 +19,7 @@ impl Driver {
     /// The next commanded state, or the reason why there is none.
     pub(crate) fn next_state(
         &mut self,
-        state: &ProtocolState,
+        state: &AttemptState,
         context: &RolloutContext,
     ) -> Result<JointState, FailureReason> {
         match self {
@@ -29,7 +29,7 @@ impl Driver {
     }
 
     /// Updates phase and outcome from the simulation state after a step.
-    pub(crate) fn update_phase(&mut self, state: &mut ProtocolState, context: &RolloutContext) {
+    pub(crate) fn update_phase(&mut self, state: &mut AttemptState, context: &RolloutContext) {
         match self {
             Self::Live(driver) => driver.update_phase(state, context),
             Self::Replay(driver) => driver.update_phase(state, context),

@@ -1,9 +1,9 @@
 //! Commanded states of a live attempt: planned states where there are any, otherwise the policy's steps.
 
 use crate::attempt::approach::Approach;
+use crate::attempt::attempt_state::AttemptState;
 use crate::attempt::controller::{ControllerProperties, Feedback, Motion};
 use crate::attempt::driver::PlannedStates;
-use crate::attempt::protocol_state::ProtocolState;
 use crate::attempt::{FailureReason, Phase};
 use crate::rollout_context::RolloutContext;
 use policy::{Model, Observation};
@@ -36,7 +36,7 @@ impl LiveDriver {
     /// The next commanded state, or the reason why there is none.
     pub(crate) fn next_state(
         &mut self,
-        state: &ProtocolState,
+        state: &AttemptState,
         context: &RolloutContext,
     ) -> Result<JointState, FailureReason> {
         match self.planned.next() {
@@ -49,7 +49,7 @@ impl LiveDriver {
     /// One step of the policy; without a network, the robot holds its position.
     fn policy_step(
         &self,
-        state: &ProtocolState,
+        state: &AttemptState,
         context: &RolloutContext,
     ) -> Result<JointState, FailureReason> {
         let Some((model, observation)) = self.network(context) else {

@@ -4,6 +4,7 @@
 //! A driver, live or replay, moves the robot and the phases; see `live_driver`, `phases`, `replay_driver`.
 
 mod approach;
+mod attempt_state;
 mod contact_history;
 mod controller;
 mod demonstration_library;
@@ -12,7 +13,6 @@ mod live_driver;
 mod outcome;
 mod phase_clock;
 mod phases;
-mod protocol_state;
 mod replay_driver;
 mod setup;
 
@@ -28,12 +28,12 @@ pub(crate) use setup::{AttemptSetup, sample_pose_with_rng};
 use crate::interaction::Disturbance;
 use crate::rollout_context::{RolloutContext, RolloutError};
 use approach::{Approach, ApproachInputs};
+use attempt_state::AttemptState;
 use driver::Driver;
 use geometry::Vec3;
 use live_driver::LiveDriver;
 use objects::object::Object;
 use policy::{Model, Observation};
-use protocol_state::ProtocolState;
 use replay_driver::ReplayDriver;
 use robot::JointState;
 use scene::{ContactForce, Scene};
@@ -58,7 +58,7 @@ use std::ops::RangeInclusive;
 pub struct Attempt {
     setup: AttemptSetup,
     driver: Driver,
-    state: ProtocolState,
+    state: AttemptState,
     /// Commanded states: the initial state and one per tick.
     history: Vec<JointState>,
     disturbance: Disturbance,
@@ -76,7 +76,7 @@ impl Attempt {
     ) -> Result<Self, RolloutError> {
         let (setup, mut rng) = AttemptSetup::sample(context, object, name, pose, seed)?;
         let target = setup.sample_start_target(&context.robot, &mut rng);
-        let mut state = ProtocolState::new(context, &setup)?;
+        let mut state = AttemptState::new(context, &setup)?;
         let inputs = ApproachInputs { context, setup: &setup, target };
         let approach = controller.plan(&inputs, &mut rng)?.unwrap_or_else(|failure| {
             state.fail(failure);
@@ -96,12 +96,12 @@ impl Attempt {
         recording: RecordedTrajectory,
     ) -> Result<Self, RolloutError> {
         let (setup, _) = AttemptSetup::sample(context, object, name, Some(pose), seed)?;
-        let mut state = ProtocolState::new(context, &setup)?;
+        let mut state = AttemptState::new(context, &setup)?;
         let driver = Driver::Replay(ReplayDriver::new(recording, &mut state));
         Ok(Self::with_driver(setup, state, driver))
     }
 
-    fn with_driver(setup: AttemptSetup, state: ProtocolState, driver: Driver) -> Self {
+    fn with_driver(setup: AttemptSetup, state: AttemptState, driver: Driver) -> Self {
         let history = vec![*state.commanded()];
         Self { setup, driver, state, history, disturbance: Disturbance::default() }
     }

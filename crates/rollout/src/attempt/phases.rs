@@ -2,10 +2,10 @@
 
 use crate::attempt::FailureReason;
 use crate::attempt::approach::scripted_closing;
+use crate::attempt::attempt_state::AttemptState;
 use crate::attempt::controller::Motion;
 use crate::attempt::driver::PlannedStates;
 use crate::attempt::live_driver::LiveDriver;
-use crate::attempt::protocol_state::ProtocolState;
 use crate::rollout_context::RolloutContext;
 use grasps::plan::lift;
 use scene::config::{AttemptProtocol, CONTROL_DT};
@@ -28,7 +28,7 @@ pub enum Phase {
 
 impl LiveDriver {
     /// Updates phase and outcome from the simulation state after a step.
-    pub(crate) fn update_phase(&mut self, state: &mut ProtocolState, context: &RolloutContext) {
+    pub(crate) fn update_phase(&mut self, state: &mut AttemptState, context: &RolloutContext) {
         let protocol = &context.robot.config.protocol;
         match state.phase() {
             // §III-F, §IV: a quintic spline leads to the start configuration. The object must not move.
@@ -62,21 +62,21 @@ impl LiveDriver {
     }
 
     /// Whether the approach ends here. The states of a planned motion follow it without a gap.
-    fn is_at_start(&self, state: &ProtocolState) -> bool {
+    fn is_at_start(&self, state: &AttemptState) -> bool {
         match self.controller.motion {
             Motion::Planned => state.ticks_in_phase() >= self.approach_ticks,
             Motion::Network | Motion::ScriptedClosing => self.planned.is_finished(),
         }
     }
 
-    fn plan_scripted_closing(&mut self, state: &ProtocolState, context: &RolloutContext) {
+    fn plan_scripted_closing(&mut self, state: &AttemptState, context: &RolloutContext) {
         if self.controller.motion == Motion::ScriptedClosing {
             self.planned = PlannedStates::new(scripted_closing(&state.commanded().q, context));
         }
     }
 
     /// Counts consecutive control periods below the rest speed. Planned motions rest only at their end.
-    fn count_rest(&mut self, state: &ProtocolState, protocol: &AttemptProtocol) {
+    fn count_rest(&mut self, state: &AttemptState, protocol: &AttemptProtocol) {
         let is_slow = state.commanded().qd.norm() < protocol.rest_speed;
         let is_at_rest = is_slow && self.planned.is_finished();
         self.resting_ticks = if is_at_rest { self.resting_ticks + 1 } else { 0 };
@@ -87,13 +87,13 @@ impl LiveDriver {
     }
 
     /// Whether the time of the policy is over. Planned motions are executed to their end.
-    fn is_time_over(&self, state: &ProtocolState, protocol: &AttemptProtocol) -> bool {
+    fn is_time_over(&self, state: &AttemptState, protocol: &AttemptProtocol) -> bool {
         let elapsed = state.ticks_in_phase() as f64 * CONTROL_DT;
         elapsed >= protocol.policy_seconds && self.planned.is_finished()
     }
 
     /// Plans the lift from the commanded position; its first state is that position.
-    fn plan_lift(&mut self, state: &mut ProtocolState, context: &RolloutContext) {
+    fn plan_lift(&mut self, state: &mut AttemptState, context: &RolloutContext) {
         let robot = &context.robot;
         match lift::plan(&robot.config, &robot.tree, &state.rest_state()) {
             Ok(Some(states)) => {

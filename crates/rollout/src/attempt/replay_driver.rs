@@ -1,8 +1,8 @@
 //! Replay of a recorded attempt, state by state, without its controller.
 
+use crate::attempt::attempt_state::AttemptState;
 use crate::attempt::driver::PlannedStates;
 use crate::attempt::phase_clock::PhaseStarts;
-use crate::attempt::protocol_state::ProtocolState;
 use crate::attempt::{Outcome, Phase};
 use crate::rollout_context::RolloutContext;
 use robot::JointState;
@@ -27,7 +27,7 @@ pub(crate) struct ReplayDriver {
 
 impl ReplayDriver {
     /// Starts before the first recorded step. A recording without steps ends at once.
-    pub(crate) fn new(recording: RecordedTrajectory, state: &mut ProtocolState) -> Self {
+    pub(crate) fn new(recording: RecordedTrajectory, state: &mut AttemptState) -> Self {
         let RecordedTrajectory { states, phase_starts, outcome } = recording;
         let states: Vec<JointState> = states.into_iter().skip(1).collect();
         let approach_ticks = phase_starts.policy.unwrap_or(states.len());
@@ -38,12 +38,12 @@ impl ReplayDriver {
     }
 
     /// The next recorded state. After the last one, the robot holds its position.
-    pub(crate) fn next_state(&mut self, state: &ProtocolState) -> JointState {
+    pub(crate) fn next_state(&mut self, state: &AttemptState) -> JointState {
         self.states.next().unwrap_or_else(|| state.rest_state())
     }
 
     /// Starts the phases at their recorded ticks. The replay evaluates the hold itself.
-    pub(crate) fn update_phase(&mut self, state: &mut ProtocolState, context: &RolloutContext) {
+    pub(crate) fn update_phase(&mut self, state: &mut AttemptState, context: &RolloutContext) {
         let has_reached = |start: Option<usize>| start.is_some_and(|tick| state.ticks() >= tick);
         match state.phase() {
             Phase::Approach | Phase::Policy if has_reached(self.phase_starts.lift) => {
@@ -60,7 +60,7 @@ impl ReplayDriver {
     }
 
     /// Ends a replay without a hold after its last state, with the recorded failure.
-    fn end_recording(&self, state: &mut ProtocolState) {
+    fn end_recording(&self, state: &mut AttemptState) {
         let is_over = self.states.is_finished() && state.outcome().is_none();
         if !is_over || state.phase_starts().hold.is_some() {
             return;

@@ -2,7 +2,7 @@
 
 use super::command_line::{InputPaths, OUT_DIR, args, option_args};
 use super::object_params::ObjectParams;
-use super::validate::{Invalid, MAX_THREADS, check_range, string_enum, unknown_preset};
+use super::param_checks::{Invalid, MAX_THREADS, check_range, string_enum, unknown_preset};
 use super::{Cost, JobKind};
 use crate::jobs::Inputs;
 use crate::jobs::scheduler::OutputCollector;
@@ -161,7 +161,7 @@ impl JobKind for DatasetParams {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::jobs::kinds::validate::parse;
+    use crate::jobs::kinds::param_checks::parse;
 
     #[test]
     fn unspecified_params_get_defaults() {

@@ -1,8 +1,8 @@
 //! Job kind `encoder.train`: trains the autoencoder on the point clouds of a dataset.
 
 use super::command_line::{InputPaths, OUT_DIR, args, path_arg};
+use super::param_checks::{Invalid, unknown_preset};
 use super::training_params::{MODEL_BYTES, TrainingParams};
-use super::validate::{Invalid, unknown_preset};
 use super::{Cost, JobKind};
 use crate::jobs::Inputs;
 use crate::jobs::scheduler::OutputCollector;

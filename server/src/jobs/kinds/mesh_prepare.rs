@@ -1,7 +1,7 @@
 //! Job kind `mesh.prepare`: inspects a mesh and decomposes it into convex parts.
 
 use super::command_line::{InputPaths, OUT_DIR, args, path_arg};
-use super::validate::Invalid;
+use super::param_checks::Invalid;
 use super::{Cost, JobKind};
 use crate::jobs::Inputs;
 use crate::jobs::scheduler::OutputCollector;

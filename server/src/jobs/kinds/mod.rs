@@ -10,25 +10,25 @@ mod dataset_generate;
 mod encoder_train;
 mod mesh_prepare;
 mod object_params;
+mod param_checks;
 mod policy_evaluate;
 mod policy_train;
 mod table;
 mod training_params;
-mod validate;
 
 pub(crate) use command_line::{InputPaths, OUT_DIR};
 pub(crate) use cost::Cost;
-pub(crate) use validate::Invalid;
+pub(crate) use param_checks::Invalid;
 
 use super::record::Inputs;
 use super::scheduler::OutputCollector;
 use crate::store::StoreError;
+use param_checks::parse;
 use serde::{Deserialize, Serialize, Serializer};
 use serde_json::{Map, Value};
 use utoipa::ToSchema;
 use utoipa::openapi::Ref;
 use utoipa::openapi::schema::{AnyOfBuilder, Schema};
-use validate::parse;
 
 table::job_kinds! {
     /// Generates demonstrations and point clouds.

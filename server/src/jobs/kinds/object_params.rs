@@ -1,7 +1,7 @@
 //! Object of a job: parameters, validation and command line.
 
 use super::command_line::option_args;
-use super::validate::{Invalid, invalid};
+use super::param_checks::{Invalid, invalid};
 use objects::catalog::CATALOG;
 use objects::object::Object;
 use serde::{Deserialize, Serialize};

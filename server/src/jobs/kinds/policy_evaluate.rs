@@ -2,7 +2,7 @@
 
 use super::command_line::{InputPaths, OUT_DIR, args, option_args, path_arg};
 use super::object_params::ObjectParams;
-use super::validate::{Invalid, check_range};
+use super::param_checks::{Invalid, check_range};
 use super::{Cost, JobKind};
 use crate::jobs::Inputs;
 use crate::jobs::scheduler::OutputCollector;

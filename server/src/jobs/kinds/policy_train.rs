@@ -1,8 +1,8 @@
 //! Job kind `policy.train`: trains a policy on the demonstrations of a dataset, with a trained encoder.
 
 use super::command_line::{InputPaths, OUT_DIR, args, option_args, path_arg};
+use super::param_checks::{Invalid, check_range, invalid, string_enum, unknown_preset};
 use super::training_params::{MODEL_BYTES, TrainingParams};
-use super::validate::{Invalid, check_range, invalid, string_enum, unknown_preset};
 use super::{Cost, JobKind};
 use crate::jobs::Inputs;
 use crate::jobs::scheduler::OutputCollector;
@@ -127,7 +127,7 @@ impl JobKind for PolicyParams {
 mod tests {
     use super::*;
     use crate::jobs::kinds::encoder_train::EncoderParams;
-    use crate::jobs::kinds::validate::parse;
+    use crate::jobs::kinds::param_checks::parse;
     use configs::dataset::PRESETS;
     use serde_json::{Value, json};
 

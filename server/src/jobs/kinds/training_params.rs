@@ -1,7 +1,7 @@
 //! Parameters common to all training jobs: defaults, validation and command line.
 
 use super::command_line::option_args;
-use super::validate::{Invalid, MAX_THREADS, check_range, invalid, string_enum};
+use super::param_checks::{Invalid, MAX_THREADS, check_range, invalid, string_enum};
 use configs::dataset::PRESETS;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;

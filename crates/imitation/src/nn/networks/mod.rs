@@ -11,7 +11,7 @@ use anyhow::Result;
 use candle_core::Tensor;
 use policy::PolicyConfig;
 use policy::networks::NetworkConfig;
-use policy::networks::head::TRIANGLE_ENTRIES;
+use policy::networks::fabric_head::TRIANGLE_ENTRIES;
 use rand_chacha::ChaCha8Rng;
 use robot::{DOF, JointLimits, JointState};
 

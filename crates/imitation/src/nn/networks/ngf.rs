@@ -2,8 +2,8 @@
 //! backward pass trains it.
 
 use crate::nn::ops::elu_backward::EluBackward;
+use crate::nn::ops::fabric_head::{Head, PACKED};
 use crate::nn::ops::fourier::FeatureBatch;
-use crate::nn::ops::head::{Head, PACKED};
 use crate::nn::ops::matmul_nt::MatmulNT;
 use crate::nn::{Params, linear, mlp};
 use anyhow::Result;

@@ -3,14 +3,14 @@
 
 use crate::nn::ops::chamfer::Chamfer;
 use crate::nn::ops::elu_backward::EluBackward;
+use crate::nn::ops::fabric_head::{Head, PACKED};
 use crate::nn::ops::fourier::FeatureBatch;
-use crate::nn::ops::head::{Head, PACKED};
 use crate::nn::ops::linear::LinearAct;
 use crate::nn::ops::linear_max_pool::LinearMaxPool;
 use crate::nn::ops::matmul_nt::MatmulNT;
 use candle_core::{Device, Tensor, Var};
+use policy::networks::fabric_head::{BASE_DAMPING, METRIC_FLOOR, REST_EPS, TRIANGLE_ENTRIES};
 use policy::networks::fourier::{NUM_FEATURES, NUM_FREQUENCIES};
-use policy::networks::head::{BASE_DAMPING, METRIC_FLOOR, REST_EPS, TRIANGLE_ENTRIES};
 use policy::networks::mlp::Activation;
 use robot::{DOF, JointMatrix, JointVector};
 

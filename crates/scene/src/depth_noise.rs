@@ -4,8 +4,8 @@
 //! RGB-D image" (2013): depth = base / round(base / depth + noise), sampled at a shifted pixel.
 //! *Departure: their constant bias of half a disparity step is omitted.*
 
-use crate::camera::DepthImage;
 use crate::config::{CameraConfig, DepthNoise};
+use crate::depth_camera::DepthImage;
 use rand::{Rng, RngExt};
 
 /// Applies the noise of `config` to a depth image.

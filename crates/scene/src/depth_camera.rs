@@ -30,7 +30,7 @@ pub struct RenderMesh {
 ///
 /// ```rust
 /// use scene::SceneConfig;
-/// use scene::camera::{Camera, DepthImage};
+/// use scene::depth_camera::{Camera, DepthImage};
 /// let config = SceneConfig::standard()?.camera;
 /// let camera = Camera::new(&config);
 /// // All pixels measure a depth of 1 m: a plane at z = 1 m in the camera frame.

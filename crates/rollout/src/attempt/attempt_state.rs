@@ -13,7 +13,7 @@ use scene::config::{AttemptProtocol, CONTROL_DT};
 use scene::{HoldFailure, HoldMonitor, Scene, SceneError, Simulation};
 
 /// Simulation, phase and outcome of an attempt.
-pub(crate) struct ProtocolState {
+pub(crate) struct AttemptState {
     scene: Scene,
     commanded: JointState,
     clock: PhaseClock,
@@ -25,7 +25,7 @@ pub(crate) struct ProtocolState {
     final_state_hash: Option<String>,
 }
 
-impl ProtocolState {
+impl AttemptState {
     /// The arm at rest at home, before the first step.
     pub(crate) fn new(context: &RolloutContext, setup: &AttemptSetup) -> Result<Self, SceneError> {
         let (config, tree) = (&context.robot.config, &context.robot.tree);

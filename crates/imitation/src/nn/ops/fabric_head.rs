@@ -1,8 +1,10 @@
-//! Batched fabric head (Eq. 3 to 5) with an analytic gradient; counterpart of `policy::networks::head`.
+//! Batched fabric head (Eq. 3 to 5) with an analytic gradient; counterpart of `policy::networks::fabric_head`.
 
 use crate::nn::ops::storage::contiguous;
 use candle_core::{CpuStorage, CustomOp2, Layout, Result, Shape, Tensor};
-use policy::networks::head::{BASE_DAMPING, METRIC_FLOOR, REST_EPS, TRIANGLE_ENTRIES, positive};
+use policy::networks::fabric_head::{
+    BASE_DAMPING, METRIC_FLOOR, REST_EPS, TRIANGLE_ENTRIES, positive,
+};
 use policy::networks::mlp::elu_derivative;
 use robot::{DOF, JointMatrix, JointVector};
 use std::sync::{Mutex, PoisonError};
@@ -194,7 +196,7 @@ mod tests {
     fn batched_head_matches_the_inference_head() {
         let row: Vec<f32> = (0..PACKED).map(|k| libm::cosf((3 * k) as f32)).collect();
         let qd = JointVector::from_fn(|i, _| 0.1 * i as f64 - 1.0);
-        let outputs = policy::networks::head::NetworkOutputs {
+        let outputs = policy::networks::fabric_head::NetworkOutputs {
             geometry_metric: row[..TRIANGLE_ENTRIES].to_vec(),
             geometry: row[2 * TRIANGLE_ENTRIES..2 * TRIANGLE_ENTRIES + DOF].to_vec(),
             driving_metric: row[TRIANGLE_ENTRIES..2 * TRIANGLE_ENTRIES].to_vec(),
