@@ -2,7 +2,7 @@
 //!
 //! `cargo run -p examples --example 03_import_mesh [FILE]`
 
-use objects::import::{ImportOptions, MOST_STABLE, import_object};
+use objects::import::{FIRST_POSE, ImportOptions, import_object};
 use progress::NoProgress;
 
 /// A box of 60 x 40 x 120 mm, in millimetres, as OBJ.
@@ -16,7 +16,7 @@ fn main() -> anyhow::Result<()> {
     };
     // Options override the defaults for unit, mass and orientation.
     let options = ImportOptions { mass: Some(0.25), ..ImportOptions::default() };
-    let imported = import_object(&name, &bytes, options, MOST_STABLE, &NoProgress)?;
+    let imported = import_object(&name, &bytes, options, FIRST_POSE, &NoProgress)?;
 
     let object = &imported.object;
     println!("{name}: {}", imported.unit.reason);

@@ -22,7 +22,8 @@ const MIN_THICKNESS: f64 = 1e-5;
 /// Max distance of a point that the hull may omit on rounding errors (fraction of the longest side).
 const MAX_MISSED_DISTANCE: f64 = 1e-3;
 
-/// Convex hull as a closed mesh of up to `max_points` of the points; `None` if the points are coplanar.
+/// Convex hull as a closed mesh of up to `max_points` of the points, in any unit. `None` if the points are
+/// coplanar.
 pub fn convex_hull(points: &[Vec3], max_points: usize) -> Option<Mesh> {
     convex_hull_within(points, max_points, 0.0)
 }

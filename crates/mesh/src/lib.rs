@@ -2,6 +2,15 @@
 //!
 //! In: the untrusted bytes of a file in one of the [`FORMATS`]. Out: a [`Mesh`] in metres, with a
 //! report of repairs and assumptions. Independent of file names and physics engines.
+//!
+//! Start with [`import`]: it parses, repairs and scales. Then, on the imported mesh:
+//!
+//! - [`mass_properties`]: volume, centre of mass and inertia
+//! - [`stable_poses`]: the faces on which the object can rest on a table
+//! - [`decompose`]: convex parts, because physics engines collide convex shapes only
+//!
+//! The mesh frame is the frame of the file's coordinates. glTF is converted to z up; the other formats do not
+//! define the up axis.
 
 mod convex_decomposition;
 mod convex_hull;
@@ -30,10 +39,10 @@ pub use unit::{ResolvedUnit, Unit, guess_unit};
 
 use glamx::Vec3;
 
-/// Indexed triangle mesh; in metres, or in the units of the file before the unit is resolved.
+/// Indexed triangle mesh; in metres after [`import`], in the units of the file after [`read`].
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Mesh {
-    /// Vertex positions (m), object frame.
+    /// Vertex positions (m or units of the file), mesh frame.
     pub vertices: Vec<Vec3>,
     /// Corner indices into `vertices`, counter-clockwise seen from outside.
     pub triangles: Vec<[u32; 3]>,
@@ -42,7 +51,8 @@ pub struct Mesh {
 /// Repaired and scaled mesh, with the assumptions and repairs of the import.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ImportedMesh {
-    /// Repaired mesh (m), at the position of the file: not centred, not moved to the ground.
+    /// Repaired mesh (m), with the origin and axes of the file: not centred, not rotated, not on the ground.
+    /// glTF is converted to z up.
     pub mesh: Mesh,
     /// Unit of the file's coordinates, with the reason.
     pub unit: ResolvedUnit,
@@ -50,17 +60,20 @@ pub struct ImportedMesh {
     pub repair: RepairReport,
     /// Result of the simplification (m), if the file had more than [`SIMPLIFY_ABOVE_TRIANGLES`] triangles.
     pub simplified: Option<SimplifyReport>,
-    /// Whether the mesh appears to be y-up, in a format that does not define the up axis.
+    /// Whether the mesh appears to be y-up, in a format that does not define the up axis. The mesh is not
+    /// rotated; see [`StablePose::is_y_up`].
     pub is_y_up: bool,
 }
 
 /// Accepted length (m) of the longest side of the bounding box.
 const SIZE_RANGE_M: std::ops::RangeInclusive<f32> = 0.001..=10.0;
 
-/// Max number of triangles; a larger mesh is simplified to this number before all other steps.
+/// Max number of triangles; [`import`] simplifies a larger mesh to at most this number before all other steps.
 pub const SIMPLIFY_ABOVE_TRIANGLES: usize = 1_000_000;
 
-/// Parses, simplifies, repairs and scales a mesh; `unit` is guessed from the size if `None`.
+/// Parses, simplifies, repairs and scales a mesh to metres; `unit` is guessed from the size if `None`.
+///
+/// Fails if the file is not a valid mesh, or if its longest side is outside 1 mm to 10 m.
 ///
 /// ```rust
 /// // OBJ stores no unit. A side of 120 units suits an object of 120 mm.
@@ -99,18 +112,20 @@ pub fn import(bytes: &[u8], unit: Option<Unit>) -> Result<ImportedMesh, MeshErro
 }
 
 impl Mesh {
-    /// Min and max corner of the axis-aligned bounding box (m); both are the origin if there are no vertices.
+    /// Min and max corner of the axis-aligned bounding box (unit of the vertices); both are the origin if
+    /// there are no vertices.
     pub fn bounds(&self) -> [Vec3; 2] {
         bounds(&self.vertices)
     }
 
-    /// Extents of the bounding box along x, y and z (m).
+    /// Extents of the bounding box along x, y and z (unit of the vertices).
     pub fn extent(&self) -> Vec3 {
         let [low, high] = self.bounds();
         high - low
     }
 
-    /// Translation (m) that moves the bottom of the bounding box to z = 0 and its centre to x = y = 0.
+    /// Translation (unit of the vertices) that moves the bottom of the bounding box to z = 0 and its centre
+    /// to x = y = 0.
     pub fn offset_to_ground(&self) -> Vec3 {
         let [low, high] = self.bounds();
         let center = 0.5 * (low + high);
@@ -123,7 +138,7 @@ impl Mesh {
         self
     }
 
-    /// The mesh translated by `offset` (m).
+    /// The mesh translated by `offset` (unit of the vertices).
     pub fn translated(mut self, offset: Vec3) -> Self {
         self.vertices.iter_mut().for_each(|v| *v += offset);
         self

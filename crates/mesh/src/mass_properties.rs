@@ -12,9 +12,9 @@ use glamx::{DMat3, DVec3};
 pub struct MassProperties {
     /// Volume (m³).
     pub volume: f64,
-    /// Centre of mass (m).
+    /// Centre of mass (m), mesh frame.
     pub center_of_mass: Vec3,
-    /// Inertia about the centre of mass for a density of 1 kg/m³ (m⁵), rows.
+    /// Inertia about the centre of mass for a density of 1 kg/m³ (m⁵), rows, axes of the mesh frame.
     pub inertia: [[f32; 3]; 3],
     /// Whether the values are those of the convex hull, because the mesh does not bound a valid volume.
     pub from_hull: bool,
@@ -25,7 +25,9 @@ const HULL_POINTS: usize = 2000;
 /// Max ratio of a mesh's volume to its hull's: the limited hull of a round solid is slightly too small.
 pub(super) const MAX_HULL_RATIO: f64 = 1.01;
 
-/// Mass properties of the mesh if it is watertight and 0 < volume <= hull volume; else those of its hull.
+/// Mass properties of a mesh (m) if it is watertight and 0 < volume <= hull volume; else those of its hull.
+///
+/// `watertight` is [`RepairReport::watertight`](crate::RepairReport::watertight). Fails if the mesh is flat.
 pub fn mass_properties(mesh: &Mesh, watertight: bool) -> Result<MassProperties, MeshError> {
     let hull = convex_hull(&mesh.vertices, HULL_POINTS).ok_or(MeshError::Flat)?;
     let (of_mesh, of_hull) = (VolumeIntegrals::of(mesh), VolumeIntegrals::of(&hull));

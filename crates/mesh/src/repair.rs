@@ -1,5 +1,7 @@
 //! Mesh repair: duplicate vertices, degenerate and duplicate triangles, inconsistent winding.
 //!
+//! Winding is the order of a triangle's corners, which defines its outer side.
+//!
 //! In: any mesh. Out: shared vertices, triangles with consistent outward winding, and a report.
 //! Holes are counted, not filled. Triangles with three distinct corners but zero area stay: they close the
 //! gaps at T-junctions.

@@ -15,7 +15,7 @@ const MAX_GRID_CELLS: u16 = 256;
 pub struct SimplifyReport {
     /// Triangles before the simplification.
     pub triangles_before: usize,
-    /// Max displacement of a vertex (units of the mesh).
+    /// Max displacement of a vertex (units of the mesh; m after [`import`](crate::import)).
     pub max_displacement: f32,
 }
 

@@ -1,8 +1,8 @@
 //! Stable poses of a solid on a plane: it rests on a hull face whose area contains the projected centre of
 //! mass.
 //!
-//! In: points and the centre of mass. Out: rotations, the most stable first. Uses only + - * / and square
-//! roots, so that the results are bit-identical on every machine.
+//! In: points and the centre of mass (m), mesh frame. Out: rotations, the most stable first. Uses only
+//! sums, products, quotients and square roots, so that the results are bit-identical on every machine.
 
 use crate::Mesh;
 use crate::convex_hull::convex_hull;
@@ -14,7 +14,7 @@ use glamx::{DMat3, DVec3};
 pub struct StablePose {
     /// Rotation `posed_from_mesh` that puts the resting face at the bottom.
     pub rotation: DMat3,
-    /// Tangent of the min angle that tips the solid over.
+    /// Tangent of the min angle that tips the solid over; larger is more stable.
     pub tip_angle_tan: f64,
 }
 
@@ -46,7 +46,7 @@ impl StablePose {
     }
 }
 
-/// All stable poses, the most stable first; empty if the points have no hull.
+/// All stable poses, the most stable first; empty if the points have no hull. `center` is the centre of mass.
 ///
 /// ```rust
 /// use glamx::Vec3;
@@ -87,7 +87,8 @@ pub fn stable_poses(points: &[Vec3], center: Vec3) -> Vec<StablePose> {
     poses
 }
 
-/// Whether the orientation of the mesh is stable. The base may be uneven, so the solid may rock.
+/// Whether the mesh rests stably on the ground as it is, with z up. The base may be uneven, so the solid may
+/// rock. `center` is the centre of mass.
 pub fn is_stable(points: &[Vec3], center: Vec3) -> bool {
     let hull = convex_hull(points, HULL_POINTS);
     hull.and_then(|hull| stable_pose_on(&hull, -DVec3::Z, center.as_dvec3(), UNEVEN_TOLERANCE))

@@ -11,7 +11,7 @@ use files::atomic_file;
 use grasps::set::catalog::catalog_grasps;
 use imitation::data::split;
 use indicatif::ProgressBar;
-use objects::import::MOST_STABLE;
+use objects::import::FIRST_POSE;
 use objects::object::Object;
 use policy::PolicyConfig;
 use policy::networks::{NetworkConfig, POLICY_NAMES};
@@ -73,7 +73,7 @@ pub(crate) fn run(options: &Options) -> Result<()> {
     for entry in &contestants {
         let model_hash = load_model_folder(&mut context, &entry.model)?;
         for SelectedObject { name, object, orientation } in &objects {
-            let acts_by = match (&entry.controller, &entry.demonstrations) {
+            let controller_hash = match (&entry.controller, &entry.demonstrations) {
                 (Controller::Planner, _) => {
                     // The planner has grasps for built-in objects only.
                     let Some(set) = catalog_grasps(name) else { continue };
@@ -85,8 +85,13 @@ pub(crate) fn run(options: &Options) -> Result<()> {
                 }
                 _ => model_hash.clone(),
             };
-            let cell =
-                ComparisonCell { options, entry, name, input_hash: &acts_by, program: &program };
+            let cell = ComparisonCell {
+                options,
+                entry,
+                name,
+                input_hash: &controller_hash,
+                program: &program,
+            };
             let report = cell.report(&context, object)?;
             found.reports.push(EvaluationReport { orientation: *orientation, ..report });
         }
@@ -187,7 +192,7 @@ fn parse_object(text: &str) -> Result<SelectedObject> {
             let mass =
                 object_selection::check_positive(&format!("{text}: the mass"), mass, "kilograms")?;
             // No orientation chooser: every policy gets the same object.
-            object_selection::import_mesh(Path::new(file), &MassSpec::Mass(mass), MOST_STABLE)
+            object_selection::import_mesh(Path::new(file), &MassSpec::Mass(mass), FIRST_POSE)
         }
     }
 }
@@ -213,7 +218,7 @@ struct ComparisonCell<'a> {
 impl ComparisonCell<'_> {
     /// Returns the cached report if its inputs are the same, otherwise a new report.
     fn report(&self, context: &RolloutContext, object: &Object) -> Result<EvaluationReport> {
-        let Self { options, entry, name, input_hash: acts_by, program } = self;
+        let Self { options, entry, name, input_hash: controller_hash, program } = self;
         let object = match entry.friction {
             Some(friction) => object.clone().with_friction(friction),
             None => object.clone(),
@@ -226,7 +231,7 @@ impl ComparisonCell<'_> {
             let is_same = of == *program
                 && cached.object_hash == object.hash()
                 && cached.scene_hash == scene::scene_hash()
-                && cached.model_hash.as_deref() == Some(*acts_by)
+                && cached.model_hash.as_deref() == Some(*controller_hash)
                 && (cached.seed, cached.attempts) == (options.seed, options.attempts);
             if is_same {
                 return Ok(cached);
@@ -265,7 +270,7 @@ impl ComparisonCell<'_> {
         atomic_file::write(&plot_path, figure.as_bytes())?;
         let report = EvaluationReport {
             policy: entry.label.clone(),
-            model_hash: Some((*acts_by).to_owned()),
+            model_hash: Some((*controller_hash).to_owned()),
             ..found
         };
         crate::evaluate::print_report(&report);

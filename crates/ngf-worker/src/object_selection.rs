@@ -3,7 +3,7 @@
 use anyhow::{Context, Result, bail};
 use mesh::SimplifyReport;
 use objects::catalog::CATALOG;
-use objects::import::{self, ImportOptions, MOST_STABLE, Orientation, OrientationChooser};
+use objects::import::{self, FIRST_POSE, ImportOptions, Orientation, OrientationChooser};
 use objects::object::Object;
 use progress::NoProgress;
 use std::ffi::OsStr;
@@ -92,7 +92,7 @@ impl ObjectOptions {
 
     /// Loads the object with the default stable pose.
     pub(crate) fn load(&self) -> Result<SelectedObject> {
-        self.load_with(MOST_STABLE)
+        self.load_with(FIRST_POSE)
     }
 
     /// Loads the object; `chooser` selects a stable pose if the orientation in the file is unstable.

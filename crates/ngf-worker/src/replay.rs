@@ -5,7 +5,7 @@ use crate::object_selection::{self, ObjectOptions};
 use crate::share_link::ShareLink;
 use anyhow::{Context, Result, bail, ensure};
 use objects::catalog::built_in_object;
-use objects::import::{self, MOST_STABLE};
+use objects::import::{self, FIRST_POSE};
 use objects::object::Object;
 use progress::NoProgress;
 use rollout::{Attempt, AttemptRecording, Controller, Outcome, RolloutContext};
@@ -81,7 +81,7 @@ fn replay_link(link: &ShareLink, options: &Options) -> Result<()> {
         Some(file) => {
             let bytes = object_selection::read_mesh_file(file)
                 .with_context(|| format!("cannot read {}", file.display()))?;
-            let found = import::import_object(name, &bytes, link.options, MOST_STABLE, &NoProgress);
+            let found = import::import_object(name, &bytes, link.options, FIRST_POSE, &NoProgress);
             found.with_context(|| format!("{} is not a usable mesh", file.display()))?.object
         }
         None => {

@@ -77,16 +77,17 @@ pub mod stage {
 /// first.
 pub type OrientationChooser<'a> = &'a dyn Fn(&mut dyn Iterator<Item = Mesh>) -> Option<usize>;
 
-/// Chooses the most stable pose.
-pub const MOST_STABLE: OrientationChooser<'static> = &|_| None;
+/// Chooses the first pose, which is the most stable one.
+pub const FIRST_POSE: OrientationChooser<'static> = &|_| None;
 
 /// Imports an object from the bytes of a mesh file.
 ///
 /// ```rust
-/// use objects::import::{ImportOptions, MassSource, import_object};
+/// use objects::import::{FIRST_POSE, ImportOptions, MassSource, import_object};
+/// use progress::NoProgress;
 /// let obj = b"v 0 0 0\nv 60 0 0\nv 0 40 0\nv 0 0 120\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"; // mm
 /// let options = ImportOptions { mass: Some(0.25), ..ImportOptions::default() };
-/// let wedge = import_object("wedge.obj", obj, options, &mut ())?;
+/// let wedge = import_object("wedge.obj", obj, options, FIRST_POSE, &NoProgress)?;
 /// assert_eq!((wedge.object.mass, wedge.mass_source), (0.25, MassSource::Given));
 /// # Ok::<(), mesh::MeshError>(())
 /// ```
@@ -282,7 +283,7 @@ mod tests {
                 "scan.obj",
                 &bytes,
                 ImportOptions::default(),
-                MOST_STABLE,
+                FIRST_POSE,
                 &NoProgress,
             )
             .unwrap();
@@ -311,7 +312,7 @@ mod tests {
                 "box.obj",
                 tilted.as_bytes(),
                 ImportOptions::default(),
-                MOST_STABLE,
+                FIRST_POSE,
                 &NoProgress,
             )
             .unwrap();
@@ -322,7 +323,7 @@ mod tests {
             "box.obj",
             tilted.as_bytes(),
             ImportOptions::default(),
-            MOST_STABLE,
+            FIRST_POSE,
             &NoProgress,
         )
         .unwrap();

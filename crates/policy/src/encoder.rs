@@ -1,5 +1,7 @@
 //! Point cloud encoder (point cloud -> z) of PointNet layers, and its decoder (paper §III-D).
 //!
+//! A cloud is in farthest-point order: each point is the one farthest from all points before it.
+//!
 //! One set-abstraction layer over neighbourhoods of 16 points, a second layer per neighbourhood, the maximum
 //! over all of them, and a two-layer read-out. The first 128 points are the neighbourhood centres. z depends
 //! on the choice of these points, but not on their order or on that of the other points. (Exception: two
@@ -95,7 +97,7 @@ impl Encoder {
         })
     }
 
-    /// Encodes a cloud (base frame) in farthest-point order; `None` if it is empty.
+    /// Encodes a cloud (m, base frame) in farthest-point order; `None` if it is empty.
     pub fn encode(&self, cloud: &[Vec3]) -> Option<Observation> {
         let (azimuth, canonical) = observation::canonicalize(cloud);
         Some(Observation {
@@ -104,7 +106,7 @@ impl Encoder {
         })
     }
 
-    /// z before whitening, of a cloud in the canonical frame; `None` if it is empty.
+    /// z before whitening, of a cloud (m) in the canonical frame; `None` if it is empty.
     pub fn encode_unwhitened(&self, cloud: &[Vec3]) -> Option<Vec<f32>> {
         if cloud.is_empty() {
             return None;

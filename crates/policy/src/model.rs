@@ -1,4 +1,4 @@
-//! A deployed model: encoder, policy, start configurations, configuration.
+//! A trained model for inference: encoder, policy, start configurations, configuration.
 
 use crate::encoder::{Decoder, Encoder};
 use crate::networks::{self, Network, ObservationKind, PolicyConfig};
@@ -121,7 +121,7 @@ impl Model {
         is_cloud.then(|| self.decoder.decode(&observation.latent))
     }
 
-    /// Observes a cloud (base frame) in farthest-point order; `None` if it is empty.
+    /// Observes a cloud (m, base frame) in farthest-point order; `None` if it is empty.
     pub fn observe(&self, cloud: &[Vec3]) -> Option<Observation> {
         match self.observation_kind {
             ObservationKind::Cloud => self.encoder.encode(cloud),

@@ -10,10 +10,11 @@ use robot::{Isometry, JointState, JointVector, rotation};
 /// The policy's observation of an object, made once before an attempt.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Observation {
-    /// Angle (rad) about the robot's vertical axis, from the x axis to the mean of the cloud.
+    /// Angle (rad) about the robot's vertical axis, from the x axis to the mean of the cloud; positive to the
+    /// left.
     pub azimuth: f64,
-    /// z, whitened, or the scaled position of the cloud, both in the canonical frame
-    /// ([`crate::ObservationKind`]).
+    /// Shape (32): z, whitened. Or shape (3): the position of the cloud in workspace units. Both are in the
+    /// canonical frame ([`crate::ObservationKind`]).
     pub latent: Vec<f32>,
 }
 
@@ -45,26 +46,26 @@ pub fn cloud_from_canonical(azimuth: f64, cloud: &[Vec3]) -> Vec<Vec3> {
 }
 
 impl Observation {
-    /// A state in the canonical frame: the first joint is shifted by the azimuth.
+    /// Converts a state from the base frame to the canonical frame: the first joint is shifted by the azimuth.
     pub fn state_to_canonical(&self, state: &JointState) -> JointState {
         JointState { q: self.to_canonical(&state.q), qd: state.qd }
     }
 
-    /// A configuration (rad) in the canonical frame.
+    /// Converts a configuration (rad) from the base frame to the canonical frame.
     pub fn to_canonical(&self, q: &JointVector) -> JointVector {
         let mut canonical = *q;
         canonical[0] -= self.azimuth;
         canonical
     }
 
-    /// A configuration (rad) of the canonical frame, rotated to the object's azimuth.
+    /// Converts a configuration (rad) from the canonical frame to the base frame.
     pub fn from_canonical(&self, canonical: &JointVector) -> JointVector {
         let mut q = *canonical;
         q[0] += self.azimuth;
         q
     }
 
-    /// A pose (base frame) in the canonical frame.
+    /// Converts a pose (m) from the base frame to the canonical frame.
     pub fn pose_to_canonical(&self, pose: &Isometry) -> Isometry {
         rotation::rotation_z(-self.azimuth) * pose
     }

@@ -1,5 +1,7 @@
-//! Start configuration of an attempt: nearest neighbour in the training data (paper §III-F), or the output of
-//! a network, which the paper leaves for future work.
+//! Start configuration of an attempt: the joint positions where the policy starts.
+//!
+//! It is the nearest neighbour in the training data (paper §III-F), or the output of a network, which the paper
+//! leaves for future work.
 
 use crate::networks::mlp::{Activation, Mlp};
 use crate::observation::Observation;
@@ -7,7 +9,7 @@ use crate::weights::{Tensors, WeightsError};
 use robot::{DOF, Isometry, JointLimits, JointVector, KinematicTree, rotation};
 use std::sync::Arc;
 
-/// Maps an observation and a target palm pose to a start configuration.
+/// Maps an observation and a target palm pose above the object to a start configuration.
 #[derive(Clone, Debug)]
 pub enum StartModel {
     /// Start configurations of the training data, grouped by object pose.
@@ -16,7 +18,8 @@ pub enum StartModel {
     Network(Box<StartNetwork>),
 }
 
-/// A network from [`inputs`] to q in the canonical frame, in units of half the [`joint_ranges`].
+/// A network from [`inputs`] to q in the canonical frame. Outputs of -1 and 1 are the joint limits
+/// ([`joint_ranges`]).
 #[derive(Clone, Debug)]
 pub struct StartNetwork {
     mlp: Mlp,
@@ -30,7 +33,7 @@ pub struct StartConfiguration {
     pub latent: Vec<f32>,
     /// Joint positions (rad).
     pub q: JointVector,
-    /// Palm pose at these joint positions.
+    /// Palm pose (m) at these joint positions.
     pub palm: Isometry,
     /// Name of the object, if the file stores the names.
     pub object: Option<Arc<str>>,
@@ -130,8 +133,8 @@ impl StartModel {
         Ok(Self::Table(starts.collect::<Result<_, _>>()?))
     }
 
-    /// The object with the nearest z at any stored pose, and the distance in z. `None` without stored object
-    /// names.
+    /// The object with the nearest z at any stored pose, and the distance in z. `None` for a network, and for
+    /// a table without object names.
     pub fn nearest_training_object(&self, z: &[f32]) -> Option<(&str, f32)> {
         let Self::Table(starts) = self else { return None };
         let distance = |start: &StartConfiguration| squared_distance(&start.latent, z);

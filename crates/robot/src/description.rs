@@ -7,7 +7,7 @@ pub struct RobotDescription<'a> {
     pub urdf: &'a str,
     /// `collision_spheres.json`: spheres (m, link frames) that cover the robot, for the motion planner.
     pub collision_spheres: &'a str,
-    /// `hand.toml`, converted to JSON: the figures of [`crate::HandModel`].
+    /// `hand.toml`, converted to JSON: the values of [`crate::HandModel`].
     pub hand: &'a str,
 }
 

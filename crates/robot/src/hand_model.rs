@@ -1,4 +1,4 @@
-//! Figures that hold only for one arm and one hand, from `hand.toml` in the folder of the robot.
+//! Values that hold only for one arm and one hand, from `hand.toml` in the folder of the robot.
 //!
 //! The comments of that file state reasons and sources. Parameters of the methods stay with the methods.
 
@@ -10,7 +10,7 @@ use std::sync::LazyLock;
 /// Number of flexing joints of a finger.
 pub const FINGER_FLEXION_DOF: usize = FINGER_DOF - 1;
 
-/// Figures of one arm and one hand.
+/// Values that hold only for one arm and one hand.
 ///
 /// ```rust
 /// use robot::hand_model::{HandModel, LinkRole};
@@ -137,7 +137,7 @@ pub struct GraspFrame {
 #[derive(Clone, Debug, PartialEq, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Closing {
-    /// Flexion (rad) of the flexing joints of each finger per unit of closing.
+    /// Flexion (rad) of the flexing joints of each finger, base to tip, per unit of closing.
     pub finger_rates: [f64; FINGER_FLEXION_DOF],
     /// Flexion (rad) of the flexing joints of the thumb per unit of closing.
     pub thumb_rates: [f64; FINGER_FLEXION_DOF],

@@ -1,4 +1,6 @@
 //! Inverse kinematics of the palm: damped least squares with null-space attraction to a nominal posture.
+//!
+//! The null space contains the arm motions that do not move the palm; seven joints leave one such motion.
 
 use crate::{ARM_DOF, Isometry, JointVector, KinematicTree, rotation};
 use nalgebra::{SMatrix, SVector};
@@ -8,9 +10,9 @@ use nalgebra::{SMatrix, SVector};
 pub struct IkConfig {
     /// Max number of iterations.
     pub max_iterations: usize,
-    /// Position error (m) below which a solution is accepted.
+    /// Position error (m) of the palm below which a solution is accepted.
     pub position_tolerance: f64,
-    /// Orientation error (rad) below which a solution is accepted.
+    /// Orientation error (rad) of the palm below which a solution is accepted.
     pub angle_tolerance: f64,
     /// Damping factor of the least squares (m or rad per rad).
     pub damping: f64,
@@ -54,11 +56,11 @@ impl IkConfig {
     }
 }
 
-/// Solves for the arm joints that bring the palm to `world_from_palm`; `None` if the solver does not
+/// Solves for the arm joints (rad) that bring the palm to `world_from_palm` (m); `None` if the solver does not
 /// converge.
 ///
-/// The hand joints are copied from `nominal`. The solver starts at `nominal` and is attracted to it in the
-/// null space, so neighbouring targets get neighbouring solutions.
+/// `nominal` is a posture (rad) of all joints. The hand joints are copied from it. The solver starts at
+/// `nominal` and is attracted to it in the null space, so neighbouring targets get neighbouring solutions.
 ///
 /// ```rust
 /// use robot::ik::{self, IkConfig};

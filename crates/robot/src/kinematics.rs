@@ -4,16 +4,16 @@ use crate::tree::{Frame, KinematicTree};
 use crate::{ARM_DOF, DOF, Isometry, JointVector, Vector, rotation};
 use nalgebra::SMatrix;
 
-/// Jacobian of the linear velocity of a point, shape (3, DOF).
+/// Jacobian (m or rad per rad), world axes, shape (3, DOF): linear velocity of a point, or angular velocity.
 pub type PointJacobian = SMatrix<f64, 3, DOF>;
 
 /// Forward kinematics at one joint position, world frame.
 #[derive(Clone, Debug)]
 pub struct Kinematics<'a> {
     tree: &'a KinematicTree,
-    /// Pose of each body.
+    /// Pose of each body (m).
     pub world_from_body: [Isometry; DOF + 1],
-    /// Unit axis of each joint. It passes through the origin of the child body.
+    /// Unit axis of each joint, world frame. It passes through the origin of the child body.
     pub joint_axes: [Vector; DOF],
 }
 
@@ -63,12 +63,12 @@ impl<'a> Kinematics<'a> {
         self.tree
     }
 
-    /// World pose of a frame.
+    /// World pose (m) of a frame.
     pub fn frame_pose(&self, frame: &Frame) -> Isometry {
         self.world_from_body[frame.body] * frame.body_from_frame
     }
 
-    /// World pose of the palm.
+    /// World pose (m) of the palm.
     pub fn palm_pose(&self) -> Isometry {
         self.frame_pose(&self.tree.palm)
     }
@@ -78,7 +78,7 @@ impl<'a> Kinematics<'a> {
         self.tree.fingertips.map(|tip| self.frame_pose(&tip).translation.vector)
     }
 
-    /// Linear Jacobian of the world point `point` fixed to `body`.
+    /// Linear Jacobian (m/rad) of `point` (m, world frame), fixed to `body`.
     pub fn point_jacobian(&self, body: usize, point: &Vector) -> PointJacobian {
         let mut jacobian = PointJacobian::zeros();
         self.for_each_ancestor(body, |i| {
@@ -88,14 +88,15 @@ impl<'a> Kinematics<'a> {
         jacobian
     }
 
-    /// Angular Jacobian of `body`.
+    /// Angular Jacobian (rad/rad) of `body`.
     pub fn angular_jacobian(&self, body: usize) -> PointJacobian {
         let mut jacobian = PointJacobian::zeros();
         self.for_each_ancestor(body, |i| jacobian.set_column(i, &self.joint_axes[i]));
         jacobian
     }
 
-    /// Jacobian of the palm twist with respect to the arm joints: linear above angular, shape (6, ARM_DOF).
+    /// Jacobian of the palm twist with respect to the arm joints, shape (6, ARM_DOF): rows 0 to 2 linear
+    /// (m/rad), rows 3 to 5 angular (rad/rad). Reference point: origin of the palm frame; axes: world frame.
     ///
     /// ```rust
     /// let tree = robot::KinematicTree::iiwa7_allegro()?;
@@ -145,7 +146,7 @@ impl<'a> Kinematics<'a> {
 }
 
 impl VelocityKinematics<'_> {
-    /// Velocity (m/s) of the world point `point` fixed to `body`: J q̇.
+    /// Velocity (m/s) of `point` (m, world frame), fixed to `body`: J q̇.
     pub fn velocity(&self, body: usize, point: &Vector) -> Vector {
         self.bodies[body].velocity_at(&self.lever(body, point))
     }
@@ -155,7 +156,7 @@ impl VelocityKinematics<'_> {
         self.bodies[body].angular_velocity
     }
 
-    /// Acceleration (m/s²) of the world point `point` fixed to `body` at q̈ = 0: J̇ q̇.
+    /// Acceleration (m/s²) of `point` (m, world frame), fixed to `body`, at q̈ = 0: J̇ q̇.
     pub fn bias_acceleration(&self, body: usize, point: &Vector) -> Vector {
         self.bodies[body].acceleration_at(&self.lever(body, point))
     }

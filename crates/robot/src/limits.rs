@@ -50,14 +50,15 @@ impl JointLimits {
         (q - self.lower).min().min((self.upper - q).min())
     }
 
-    /// Scales the acceleration down until no joint exceeds its limit. The direction is preserved.
+    /// Scales the acceleration `qdd` (rad/s²) down until no joint exceeds its limit. The direction is
+    /// preserved.
     pub fn scale_acceleration(&self, qdd: &JointVector) -> JointVector {
         let excess =
             (0..crate::DOF).map(|i| qdd[i].abs() / self.acceleration[i]).fold(1.0, f64::max);
         qdd / excess
     }
 
-    /// Maps positions linearly: -1 at the lower limit, +1 at the upper limit.
+    /// Maps positions (rad) linearly: -1 at the lower limit, +1 at the upper limit.
     pub fn normalize(&self, q: &JointVector) -> JointVector {
         JointVector::from_fn(|i, _| {
             (2.0 * q[i] - self.upper[i] - self.lower[i]) / (self.upper[i] - self.lower[i])

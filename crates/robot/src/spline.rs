@@ -1,4 +1,4 @@
-//! Quintic rest-to-rest splines in joint space (paper §IV).
+//! Quintic rest-to-rest splines in joint space (paper §IV): motions between two postures at rest.
 
 use crate::{DOF, JointLimits, JointState, JointVector};
 

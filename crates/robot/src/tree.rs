@@ -12,7 +12,7 @@ use crate::{ARM_DOF, DOF, Isometry, JointVector, NUM_FINGERS, Vector};
 use nalgebra::Matrix3;
 use std::collections::BTreeMap;
 
-/// Kinematics, inertias and collision shapes of the robot, and the figures of its hand.
+/// Kinematics, inertias and collision shapes of the robot, and the values of its [`HandModel`].
 ///
 /// Hand and spheres are not serialized, so they do not contribute to the hash of the scene.
 ///
@@ -40,7 +40,7 @@ pub struct KinematicTree {
     pub palm: Frame,
     /// Fingertip centres: index, middle, ring, thumb.
     pub fingertips: [Frame; NUM_FINGERS],
-    /// Figures of arm and hand that no URDF contains.
+    /// Values of arm and hand that the URDF does not contain.
     #[serde(skip)]
     pub hand: HandModel,
     /// Spheres that cover the robot, link frames.
@@ -55,7 +55,7 @@ pub struct Joint {
     pub name: String,
     /// Index of the parent body.
     pub parent: usize,
-    /// Pose of the child body in the parent body at q = 0.
+    /// Pose (m) of the child body in the parent body at q = 0.
     pub parent_from_child: Isometry,
     /// Unit rotation axis, child frame.
     pub axis: Vector,
@@ -81,7 +81,7 @@ pub struct Body {
 pub struct Frame {
     /// Index of the body.
     pub body: usize,
-    /// Pose of the frame in the body frame.
+    /// Pose (m) of the frame in the body frame.
     pub body_from_frame: Isometry,
 }
 
@@ -90,7 +90,7 @@ pub struct Frame {
 pub struct CollisionShape {
     /// Name of the URDF link that defines the shape.
     pub link: String,
-    /// Pose in the body frame.
+    /// Pose (m) in the body frame.
     pub origin: Isometry,
     /// Type and size; the long axis is z.
     pub primitive: Primitive,

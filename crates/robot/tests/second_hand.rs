@@ -104,11 +104,14 @@ fn rename(text: String) -> String {
     with_fingers.replace("\"palm\"", "\"left_palm\"")
 }
 
+/// Converts the text of a file of the right hand to the left hand.
+type Mirror = fn(&str) -> String;
+
 /// Generates the folder of the left hand; `test` keeps concurrent tests apart.
 fn left_folder(test: &str) -> PathBuf {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(test).join("iiwa7_allegro_left");
     create_dir_all(&folder).unwrap();
-    let files: [(&str, fn(&str) -> String); 3] = [
+    let files: [(&str, Mirror); 3] = [
         ("robot.urdf", mirror_urdf),
         ("collision_spheres.json", mirror_spheres),
         ("hand.toml", mirror_hand),

@@ -9,7 +9,7 @@ use policy::observation::cloud_from_canonical;
 use policy::{Model, Observation};
 use scene::depth_camera::RenderMesh;
 
-/// Out-of-distribution measure of an observation.
+/// How similar an observed object is to the training objects of a model.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Familiarity {
     /// Mean distance (m) between point cloud and reconstruction; small for objects similar to training data.
@@ -39,7 +39,8 @@ impl NearestObject {
 const NUM_VIEWS: u64 = 4;
 
 impl Familiarity {
-    /// Measures the familiarity of a cloud and its observation; `None` without a point-cloud latent.
+    /// Measures the familiarity of a cloud (m, base frame) and its observation; `None` if the policy observes
+    /// only the position.
     pub fn measure(model: &Model, observation: &Observation, cloud: &[Vec3]) -> Option<Self> {
         let (_, canonical) = policy::observation::canonicalize(cloud);
         let error =

@@ -1,7 +1,16 @@
-//! Grasp attempt, stepped at the control rate: capture, approach, policy, lift, hold, outcome (paper §IV).
+//! Grasp attempt, stepped at the control rate of 30 Hz (paper §IV).
 //!
-//! In: an object, a seed, a controller. Out: an outcome and a state hash, bit-identical natively and in the
-//! browser. Independent of files, threads and clocks.
+//! 1. Capture: a depth image gives the point cloud, with the arm in its home posture.
+//! 2. Approach: a spline leads from home to the start configuration, with the open hand above the object.
+//! 3. Policy: the controller moves arm and hand until they rest, or for 4 s.
+//! 4. Lift: a planner raises the palm by 15 cm; the commanded finger joints stay fixed.
+//! 5. Hold: the object has to stay in the hand for 2 s. The attempt ends with an outcome.
+//!
+//! In: a [`RolloutContext`] (robot, sensor, model), an object, a seed, a [`Controller`]. Out: an [`Outcome`]
+//! and a state hash, bit-identical natively and in the browser. Independent of files, threads and clocks.
+//!
+//! Start with [`Attempt`]. A control period lasts 1/30 s; ticks count the control periods. The commanded state
+//! is the joint state that the motors follow.
 
 pub mod attempt;
 pub mod familiarity;

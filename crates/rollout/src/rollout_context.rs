@@ -61,7 +61,7 @@ pub enum RolloutError {
 pub struct RolloutContext {
     /// Robot, scene configuration and grasp planner.
     pub robot: RobotContext,
-    /// Depth sensor with the rendered background.
+    /// Depth sensor, with the depth image of the scene without object, rendered once.
     pub sensor: DepthSensor,
     /// The learned model, if loaded.
     pub model: Option<Model>,

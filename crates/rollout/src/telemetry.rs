@@ -9,17 +9,17 @@ use robot::{JointLimits, JointState};
 /// Telemetry of one control period.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct TelemetrySample {
-    /// Energy ½ q̇ᵀq̇ (rad²/s²), which α_L conserves along the geometry.
+    /// Energy ½ q̇ᵀq̇ (rad²/s²). The energization term conserves it along the geometry.
     pub energy: f64,
     /// Min distance (rad) of any joint to its nearest limit.
     pub limit_margin: f64,
-    /// Max damping rate λ_max(B) + β (1/s); `None` without a fabric.
+    /// Max damping rate (1/s), λ_max(B) + β in Eq. 3; `None` without a fabric.
     pub damping: Option<f64>,
     /// Norms of the acceleration terms; `None` without a fabric.
     pub terms: Option<TermNorms>,
 }
 
-/// Norms (rad/s²) of the acceleration terms of a fabric.
+/// Norms (rad/s²) of the acceleration terms of a fabric ([`AccelerationTerms`]).
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct TermNorms {
     /// Norm of the geometry term.

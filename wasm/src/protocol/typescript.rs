@@ -2,6 +2,8 @@
 //!
 //! `UPDATE_EXPECT=1 cargo test -p wasm typescript` writes the files.
 
+#![cfg(test)]
+
 use super::telemetry::TermNorms;
 use super::*;
 use crate::statistics::Tally;

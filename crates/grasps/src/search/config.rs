@@ -83,7 +83,7 @@ impl SearchConfig {
         }
     }
 
-    /// For [`refine_around`]: more robust grasps per palm pose, from fewer candidates.
+    /// For [`refine_around`](crate::search::refine_around): more robust grasps per palm pose, from fewer candidates.
     pub fn refinement(robot: &RobotContext) -> Self {
         Self { max_perturbations: 800, target_per_seed: 8, ..Self::paper(robot) }
     }

@@ -15,9 +15,10 @@ pub struct DemoGroup {
     pub pose: usize,
     /// Trajectories that end in the same grasp (robot base frame).
     pub demonstrations: DemoTrajectories,
-    /// Encoded noisy clouds of the pose, one per rendered image.
+    /// Encoded noisy clouds of the pose, one per depth image.
     pub encodings: Vec<Observation>,
-    /// Whether the model exports the start configurations of this group (only the unrotated poses).
+    /// Whether the model exports the start configurations of this group. Only groups at the unrotated pose do;
+    /// the others are copies that are rotated about the robot to add views of the object.
     pub has_starts: bool,
     /// Start configurations (rad, canonical frame) of the nearest other object poses with the same grasp,
     /// where an attempt with this object may start ([`link_neighbor_starts`]).

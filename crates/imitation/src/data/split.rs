@@ -15,8 +15,9 @@ pub fn is_held_out(index: usize) -> bool {
     index % 10 == 9
 }
 
-/// Demonstration groups of a dataset: the training set, from the first `max_poses` poses of each object, and
-/// the held-out set, from all held-out poses.
+/// Demonstration groups of a dataset: the training set, and the held-out set from all held-out poses.
+///
+/// The training set contains the first `max_poses` poses of each object, without the held-out poses.
 pub fn train_val_split(
     dataset: &Dataset,
     encoder: &TrainedEncoder,

@@ -1,6 +1,6 @@
 //! Differentiable batched counterparts of the networks in `policy`, with custom candle operations.
 //!
-//! Weights have the names and shapes that `policy` reads.
+//! Weights have the names and shapes that `policy` reads. B is the batch size in all shapes.
 
 pub mod adam;
 pub mod networks;

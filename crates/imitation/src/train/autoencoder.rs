@@ -1,5 +1,5 @@
-//! Autoencoder training: Chamfer distance plus mean square of z (paper §III-D), plus shape moments of the
-//! whole object.
+//! Training of the autoencoder (encoder and decoder): Chamfer distance plus mean square of z (paper §III-D),
+//! plus shape moments of the whole object.
 
 use crate::data::shape_moments::{NUM_MOMENTS, Standardizer, moments};
 use crate::nn::Params;

@@ -32,6 +32,9 @@ fn rng_at(config: &DaggerConfig, step: u64) -> ChaCha8Rng {
 
 /// Trains a policy from random weights or from `init_weights`; resumes from a checkpoint in `out`. Returns
 /// `None` if the callback stops the training.
+///
+/// `groups` is the training set of [`crate::data::split::train_val_split`]. `init_weights`: the bytes of a
+/// model's `weights.safetensors`.
 pub fn train(
     groups: &[DemoGroup],
     tree: &KinematicTree,

@@ -1,15 +1,16 @@
-//! Surrogate expert: a PD controller along the nearest demonstration (Eq. 1, paper §II-B).
+//! Surrogate expert: a proportional-derivative controller along the nearest demonstration (Eq. 1, paper §II-B).
 
 use crate::data::nearest_neighbor::ConfigurationIndex;
 use configs::Gains;
 use robot::{DOF, HandModel, JointState, JointVector};
 
-/// π_e(q*_{t+1}, q, q̇) = k_p (q*_{t+1} - q) - k_d q̇ (Eq. 1), rad/s².
+/// π_e(q*_{t+1}, q, q̇) = k_p (q*_{t+1} - q) - k_d q̇ (Eq. 1), rad/s². q*_{t+1} is `target` (rad); `gains`
+/// holds k_p (1/s²) and k_d (1/s).
 pub fn acceleration(gains: &Gains, target: &JointVector, state: &JointState) -> JointVector {
     (target - state.q) * gains.position - state.qd * gains.velocity
 }
 
-/// Demonstration trajectories of one object pose, concatenated row by row.
+/// Demonstration trajectories of one object pose (robot base frame), concatenated row by row.
 #[derive(Clone, Debug)]
 pub struct DemoTrajectories {
     rows: Vec<f32>,
@@ -54,8 +55,8 @@ impl DemoTrajectories {
         }
     }
 
-    /// The trajectories rotated by an angle (rad) about the robot's vertical axis, which is the axis of joint
-    /// 1.
+    /// The trajectories rotated by an angle (rad) about the robot's vertical axis, which is the axis of the
+    /// first joint.
     pub fn rotated(&self, turn: f32) -> Self {
         let mut rows = self.rows.clone();
         rows.iter_mut().step_by(ROW_LEN).for_each(|q| *q += turn);
@@ -97,7 +98,7 @@ impl DemoTrajectories {
         self.rows.len() / ROW_LEN
     }
 
-    /// The joint state of one row.
+    /// The joint state of one row (rad, rad/s).
     pub fn state(&self, row: usize) -> JointState {
         let row = &self.rows[row * ROW_LEN..(row + 1) * ROW_LEN];
         JointState {

@@ -1,4 +1,5 @@
-//! Kinematic rollouts of a policy, without physics, and its damping rate along demonstrations.
+//! Kinematic rollouts of a policy (time steps of Eq. 6 and 7, without physics), and its damping rate along
+//! demonstrations.
 
 use crate::data::demo_group::DemoGroup;
 use policy::Network;
@@ -6,7 +7,7 @@ use rayon::prelude::*;
 use robot::{JointState, JointVector, KinematicTree, integrator};
 use scene::config::CONTROL_DT;
 
-/// Control steps of a kinematic rollout: 4 s, the time limit of the policy in an attempt.
+/// Control periods of a kinematic rollout: 4 s, the time limit of the policy in an attempt.
 const ROLLOUT_STEPS: usize = (4.0 / CONTROL_DT) as usize;
 
 /// Row stride at which the damping rate is evaluated.

@@ -1,4 +1,4 @@
-//! Linear probe: predicts the object pose from z, as a quality measure of the encoder.
+//! Linear probe: predicts the object pose from z by a linear map, as a quality measure of the encoder.
 
 use crate::models::encoder::TrainedEncoder;
 use crate::train::autoencoder::canonical_pose;

@@ -1,4 +1,5 @@
-//! Validation without physics: kinematic rollouts, linear probe, reconstruction figure.
+//! Validation without physics: kinematic rollouts of the policy, linear probe and reconstructions of the
+//! encoder.
 
 pub mod kinematic_rollout;
 pub mod linear_probe;

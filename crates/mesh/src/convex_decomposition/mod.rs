@@ -30,7 +30,7 @@ pub enum Method {
 /// Convex parts of a mesh.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ConvexDecomposition {
-    /// Vertices of each part's hull (m).
+    /// Vertices of each part's hull (m), mesh frame.
     pub hulls: Vec<Vec<Vec3>>,
     /// Method that produced the parts.
     pub method: Method,

@@ -1,5 +1,10 @@
 //! Eq. 3 to 5 for one state: from network outputs to the joint acceleration.
 //!
+//! The acceleration is a sum of four terms. The geometry shapes the path: it grows with the squared speed, so
+//! the path does not depend on the speed. Energization keeps the energy ½ q̇ᵀq̇ constant along the geometry.
+//! The potential ψ pulls to the grasp. Damping brings the robot to rest. The metric M weighs the joints like
+//! a mass matrix.
+//!
 //! Double precision from here on: the metric M is solved by Cholesky decomposition.
 
 use nalgebra::Cholesky;
@@ -19,7 +24,7 @@ pub const REST_EPS: f64 = 1e-6;
 /// Outputs of the five networks at one state.
 ///
 /// ```rust
-/// use policy::head::{NetworkOutputs, TRIANGLE_ENTRIES};
+/// use policy::networks::fabric_head::{NetworkOutputs, TRIANGLE_ENTRIES};
 /// use robot::{DOF, JointVector};
 /// // The potential ψ grows with joint 0. Zeros give the metric M = 2 (1.001² + 0.01) I = 2.024 I.
 /// let mut potential_gradient = vec![0.0; DOF];
@@ -41,17 +46,18 @@ pub const REST_EPS: f64 = 1e-6;
 pub struct NetworkOutputs {
     /// F_g: entries of U_g, shape (TRIANGLE_ENTRIES).
     pub geometry_metric: Vec<f32>,
-    /// F_χ: the geometry's acceleration per squared speed, shape (DOF).
+    /// F_χ: the geometry's acceleration per squared speed (1/rad), shape (DOF).
     pub geometry: Vec<f32>,
     /// F_f: entries of U_f, shape (TRIANGLE_ENTRIES).
     pub driving_metric: Vec<f32>,
-    /// ∂ψ/∂q, shape (DOF).
+    /// ∂ψ/∂q (rad/s², for dimensionless metrics), shape (DOF).
     pub potential_gradient: Vec<f32>,
     /// F_β before its activation.
     pub damping: f32,
 }
 
-/// Terms of the neural fabric at one state.
+/// Metrics and forces of the neural fabric at one state. The metrics are dimensionless, so forces are in
+/// rad/s².
 #[derive(Clone, Debug)]
 pub struct NeuralFabric {
     /// M_g = U_g U_gᵀ + 0.01 I.
@@ -60,9 +66,9 @@ pub struct NeuralFabric {
     pub driving_metric: JointMatrix,
     /// π_g = q̇ᵀq̇ F_χ (rad/s²).
     pub geometry: JointVector,
-    /// f_f = ∂ψ + β_f q̇.
+    /// f_f = ∂ψ + β_f q̇ (rad/s²).
     pub driving_force: JointVector,
-    /// β_f > 0.
+    /// β_f > 0 (1/s).
     pub damping: f64,
 }
 

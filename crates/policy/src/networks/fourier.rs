@@ -58,7 +58,7 @@ impl FourierFeatures {
     /// Features (cos Wx, sin Wx), shape (NUM_FEATURES).
     ///
     /// ```rust
-    /// use policy::fourier::{FourierFeatures, InputBlock, NUM_FREQUENCIES};
+    /// use policy::networks::fourier::{FourierFeatures, InputBlock, NUM_FREQUENCIES};
     /// let fourier = FourierFeatures::new(&[InputBlock { size: 2, length_scale: 1.0 }], 7);
     /// let features = fourier.features(&[0.4, -0.2]);
     /// // A cosine and a sine of the same projection are on the unit circle.

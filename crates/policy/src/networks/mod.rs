@@ -1,4 +1,7 @@
 //! The policies of the comparison: their observation of the object, and their network (paper §IV).
+//!
+//! [`ngf`] is the paper's policy, [`acceleration_mlp`] its baseline. [`fabric_head`] turns the outputs of the NGF into
+//! q̈; [`fourier`] and [`mlp`] are building blocks.
 
 pub mod acceleration_mlp;
 pub mod fabric_head;
@@ -22,7 +25,7 @@ use robot::{JointLimits, JointState, JointVector};
 pub enum ObservationKind {
     /// z of the point cloud (the paper's -PCD).
     Cloud,
-    /// Centroid of the point cloud (the paper's -POS).
+    /// Centroid of the point cloud in the canonical frame, in workspace units (the paper's -POS).
     Position,
 }
 
@@ -36,7 +39,7 @@ impl ObservationKind {
     }
 }
 
-/// Centroid of a cloud in the canonical frame, in workspace units.
+/// Centroid of a cloud (m) in the canonical frame, in workspace units ([`encoder::normalized_position`]).
 pub fn normalized_centroid(canonical: &[Vec3]) -> Vec<f32> {
     let sum = canonical.iter().fold(Vec3::ZERO, |sum, point| sum + *point);
     encoder::normalized_position(sum / canonical.len().max(1) as f32).to_vec()
@@ -57,7 +60,7 @@ pub struct PolicyConfig {
 pub enum NetworkConfig {
     /// A Neural Geometric Fabric.
     Ngf(NgfConfig),
-    /// The baseline.
+    /// The baseline: a multilayer perceptron.
     Mlp(AccelerationMlpConfig),
 }
 
@@ -107,7 +110,7 @@ impl PolicyConfig {
 pub enum Network {
     /// A Neural Geometric Fabric.
     Ngf(Ngf),
-    /// The baseline.
+    /// The baseline: a multilayer perceptron.
     Mlp(AccelerationMlp),
 }
 
@@ -127,7 +130,7 @@ impl Network {
         })
     }
 
-    /// q̈ (rad/s²) at a state, for an observed object; `None` if it is not finite.
+    /// q̈ (rad/s²) at a state in the base frame, for an observed object; `None` if it is not finite.
     pub fn acceleration(
         &self,
         state: &JointState,
@@ -148,7 +151,7 @@ impl Network {
         }
     }
 
-    /// The neural fabric at a state; `None` for the baseline.
+    /// The neural fabric at a state in the canonical frame; `None` for the baseline.
     pub fn fabric(&self, state: &JointState, observation: &[f32]) -> Option<NeuralFabric> {
         match self {
             Self::Ngf(ngf) => Some(ngf.outputs(state, observation).fabric(&state.qd)),

@@ -23,9 +23,9 @@ use std::sync::Arc;
 /// ```
 #[derive(Clone, Debug)]
 pub enum Controller {
-    /// The learned policy. It integrates its own commanded state.
+    /// The learned policy. It integrates its own commanded state; the motors follow.
     Policy,
-    /// The learned policy on measured joint states: Eq. 6 and 7 integrate from the measured state.
+    /// The learned policy on measured joint states: the time step (Eq. 6, 7) starts from the measured state.
     PolicyMeasured,
     /// The learned policy with z of another object pose (`shuffled z` in the comparison).
     ShuffledLatent,

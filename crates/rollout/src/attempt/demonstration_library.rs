@@ -4,7 +4,7 @@
 use policy::Observation;
 use robot::{JointState, JointVector};
 
-/// Demonstrations in the canonical frame, with the object at azimuth 0.
+/// Demonstrations in the canonical frame: rotated about the robot, so that the object is at azimuth 0.
 #[derive(Clone, Debug, Default)]
 pub struct DemonstrationLibrary {
     demonstrations: Vec<Vec<JointState>>,

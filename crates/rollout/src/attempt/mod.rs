@@ -66,6 +66,9 @@ pub struct Attempt {
 
 impl Attempt {
     /// Samples the object pose (unless given), captures and encodes a cloud, and plans the approach.
+    ///
+    /// `pose`: x, y (m), yaw (rad) of the object, world frame. `name`: name of a built-in object for
+    /// [`Controller::Planner`], which looks up its grasps; any name for other controllers.
     pub fn new(
         context: &RolloutContext,
         object: &Object,
@@ -183,7 +186,7 @@ impl Attempt {
         &self.setup.cloud
     }
 
-    /// Initial pose of the object: x, y (m), yaw (rad).
+    /// Initial pose of the object: x, y (m), yaw (rad), world frame.
     pub fn pose(&self) -> [f32; 3] {
         self.setup.pose
     }

@@ -15,7 +15,7 @@
 pub enum Outcome {
     /// The object was lifted and held.
     Lifted {
-        /// Max displacement (m) of the object in the palm.
+        /// Max displacement (m) of the object in the palm frame, since the start of the lift.
         slip: f32,
     },
     /// The object was not lifted or not held.
@@ -35,15 +35,16 @@ pub enum FailureReason {
     NotVisible,
     /// No start configuration exists, or no feasible motion to it.
     Unreachable,
-    /// The object moved before contact with arm or hand: it fell over, or the user dragged it.
+    /// The object moved by more than 1 cm before contact with arm or hand: it fell over, or the user dragged
+    /// it.
     Disturbed,
     /// The arm moved the object during the approach.
     Collided,
-    /// The hand closed without a secure grasp.
+    /// The hand closed without a secure grasp: the object was never raised by more than 3 cm.
     Missed,
-    /// The hand pushed the object away.
+    /// The hand pushed the object away by more than 5 cm, without raising it.
     PushedAway,
-    /// The object slid or rotated in the hand.
+    /// The object slid or rotated in the hand beyond the limits of the scene file (3 cm, 30 degrees).
     Slipped,
     /// The object was raised, but not clear of the table or of the arm.
     TooLow,

@@ -14,11 +14,11 @@ use scene::config::{AttemptProtocol, CONTROL_DT};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Phase {
-    /// Spline to the start configuration.
+    /// Spline from home to the start configuration.
     Approach,
-    /// Motion of the controller.
+    /// Motion of the controller, until the joints rest or the time is over.
     Policy,
-    /// Lift by the planner's fabric.
+    /// Lift by the planner's geometric fabric; the commanded finger joints stay fixed.
     Lift,
     /// Hold at the lift height.
     Hold,

@@ -27,7 +27,7 @@ pub(crate) struct AttemptSetup {
     pub(crate) cloud: Vec<Vec3>,
 }
 
-/// Samples the object pose of a seed: x, y (m), yaw (rad).
+/// Samples the object pose of a seed: x, y (m), yaw (rad), world frame.
 pub fn sample_object_pose(robot: &RobotContext, seed: u64) -> [f32; 3] {
     sample_pose_with_rng(robot, seed).0
 }
@@ -60,7 +60,7 @@ impl AttemptSetup {
         Ok((Self { object, object_name, pose, world_from_object, seed, cloud }, rng))
     }
 
-    /// Samples the desired palm pose of the start configuration, world frame.
+    /// Samples the desired palm pose of the start configuration, world frame, from the true pose of the object.
     pub(crate) fn sample_start_target(
         &self,
         robot: &RobotContext,

@@ -25,7 +25,7 @@ pub struct AttemptRecording {
     pub object_hash: String,
     /// Name of the object.
     pub object_name: String,
-    /// Initial pose of the object: x, y (m), yaw (rad).
+    /// Initial pose of the object: x, y (m), yaw (rad), world frame.
     pub object_pose: [f32; 3],
     /// Seed of the attempt.
     pub seed: u64,

@@ -40,7 +40,7 @@ pub fn neighborhoods_of(cloud: &[f32]) -> Vec<Neighborhood> {
     nearest.into_iter().map(|nearest| nearest.map(|i| i as u16)).collect()
 }
 
-/// Raw z of each cloud (m, canonical frame) before whitening, shape (B, LATENT).
+/// Raw z of each cloud (m, canonical frame) before whitening, shape (B, LATENT_DIM).
 pub fn encode(params: &Params, clouds: &[&[f32]]) -> Result<Tensor> {
     let neighborhoods: Vec<Vec<Neighborhood>> =
         clouds.iter().map(|cloud| neighborhoods_of(cloud)).collect();
@@ -83,7 +83,7 @@ fn point_net(x: &Tensor, params: &Params, name: &str, rows: usize) -> Result<Ten
     Ok(hidden.apply_op3(&weight, bias, LinearMaxPool::new(rows, accumulator))?)
 }
 
-/// Clouds decoded from raw `z`, shape (B, CLOUD, 3), in workspace units.
+/// Clouds decoded from raw `z`, shape (B, CLOUD_POINTS, 3), in workspace units.
 pub fn decode(params: &Params, z: &Tensor) -> Result<Tensor> {
     let batch = z.dims()[0];
     let flat = mlp(z, params, "decoder", DECODER_WIDTHS.len() - 1, ENCODER_ACTIVATION)?;
@@ -95,7 +95,7 @@ pub fn moments(params: &Params, z: &Tensor) -> Result<Tensor> {
     Ok(mlp(z, params, "moments", 1, ENCODER_ACTIVATION)?)
 }
 
-/// Reconstruction targets of [`decode`]: the clouds in workspace units, shape (B, CLOUD, 3).
+/// Reconstruction targets of [`decode`]: the clouds in workspace units, shape (B, CLOUD_POINTS, 3).
 pub fn targets(clouds: &[&[f32]]) -> Result<Tensor> {
     let flat: Vec<f32> = clouds
         .iter()

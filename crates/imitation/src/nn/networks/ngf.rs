@@ -28,7 +28,7 @@ pub struct Ngf {
     fourier: Vec<(FourierFeatures, Tensor)>,
     /// ∂(normalised q)/∂q times the scale of ψ, shape (1, DOF).
     slope: Tensor,
-    /// κ, stiffness of the base potential, and its center (rad).
+    /// κ, stiffness (1/s²) of the base potential, and its centre (rad).
     base_stiffness: f64,
     potential_center: JointVector,
 }
@@ -38,7 +38,8 @@ pub struct Ngf {
 pub enum TrainableSet {
     /// All five networks.
     All,
-    /// Only F_ψ. The others have their initial outputs: M = 2 I, χ = 0, constant damping.
+    /// Only F_ψ, the network of the potential. The others have their initial outputs: M near 2 I, χ = 0,
+    /// constant damping.
     Potential,
 }
 
@@ -126,7 +127,7 @@ impl Ngf {
         }
     }
 
-    /// Packed output row of the initial networks, as input of [`Head`]: M = 2 I, χ = 0, constant damping.
+    /// Packed output row of the initial networks, as input of [`Head`]: M near 2 I, χ = 0, constant damping.
     pub fn inactive_output() -> Vec<f32> {
         let mut row = vec![0.0; PACKED];
         row[PACKED - 1] = INITIAL_DAMPING_BIAS;

@@ -1,4 +1,5 @@
-//! Chamfer distance of two batches of clouds, with its gradient.
+//! Chamfer distance of two batches of clouds, with its gradient: how far two clouds are apart, independent of
+//! the order of their points.
 
 use crate::nn::ops::storage::contiguous;
 use candle_core::{CpuStorage, CustomOp2, Layout, Result, Shape, Tensor};

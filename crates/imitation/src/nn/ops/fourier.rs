@@ -5,12 +5,12 @@ use candle_core::{CpuStorage, CustomOp1, Device, Layout, Result, Shape, Tensor};
 use policy::networks::fourier::{NUM_FEATURES, NUM_FREQUENCIES, sin_cos};
 use policy::simd::with_simd;
 
-/// Cosines, then sines of the phases, shape (B, FEATURES). Constants for automatic differentiation.
+/// Cosines, then sines of the phases, shape (B, NUM_FEATURES). Constants for automatic differentiation.
 #[derive(Clone)]
 pub struct FeatureBatch(Tensor);
 
 impl FeatureBatch {
-    /// Features of phases (rad), shape (B, FREQUENCIES).
+    /// Features of phases (rad), shape (B, NUM_FREQUENCIES).
     pub fn from_phases(phases: &Tensor) -> Result<Self> {
         let mut features = vec![0.0; 2 * phases.elem_count()];
         with_values(phases, |phases| {
@@ -32,13 +32,13 @@ impl FeatureBatch {
         Ok(Self(Tensor::from_vec(features, shape, &Device::Cpu)?))
     }
 
-    /// The features as a tensor, shape (B, FEATURES).
+    /// The features as a tensor, shape (B, NUM_FEATURES).
     pub fn tensor(&self) -> Tensor {
         self.0.clone()
     }
 
-    /// Vector-Jacobian product: gradient with respect to the phases (B, FREQUENCIES) from the gradient with
-    /// respect to the features (B, FEATURES).
+    /// Vector-Jacobian product: gradient with respect to the phases (B, NUM_FREQUENCIES) from the gradient
+    /// with respect to the features (B, NUM_FEATURES).
     pub fn vjp(&self, of_features: &Tensor) -> Result<Tensor> {
         of_features.contiguous()?.apply_op1(FourierBackward(self.clone()))
     }
