@@ -66,7 +66,6 @@ pub(crate) const ALLOWED_DEPENDENCIES: [(&str, &[&str]); 27] = [
         &[
             "progress",
             "mesh",
-            "geometry",
             "objects",
             "robot",
             "scene",
