@@ -40,6 +40,7 @@ fn paths_in_the_documents_exist() {
         "docs/guides/add-a-mesh-format.md",
         "docs/guides/add-a-policy.md",
         "docs/guides/add-an-object.md",
+        "docs/guides/train-your-own.md",
     ] {
         let text = read_to_string(root().join(document)).unwrap();
         let paths: Vec<&str> =

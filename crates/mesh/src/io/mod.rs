@@ -107,7 +107,7 @@ pub const FORMATS: [MeshFormat; 5] = [
     },
 ];
 
-/// Names of all formats, for messages: "OBJ, STL, PLY, OFF, GLB or glTF".
+/// Names of all formats, for messages: the names of [`FORMATS`] in reverse order, the last after "or".
 pub fn format_list() -> String {
     let mut names: Vec<&str> = FORMATS.iter().flat_map(|format| format.names).copied().collect();
     names.reverse();
