@@ -71,7 +71,9 @@ fn twenty_kills_change_no_outputs() {
         let pid = job["worker"]["pid"].as_u64().unwrap();
         let pause = kill_times.next() * seconds;
         std::thread::sleep(Duration::from_secs_f64(pause));
-        let victim = ["worker", "server", "both"][round % 3];
+        // Shifted in each cycle, so that every kind meets every victim for any number of kinds.
+        let (cycle, task) = (round / tasks.len(), round % tasks.len());
+        let victim = ["worker", "server", "both"][(cycle + task) % 3];
         // The worker may have exited already.
         if victim != "server" && is_alive(pid) {
             kill(pid);
