@@ -5,7 +5,8 @@ use candle_core::{Device, Tensor};
 use configs::Gains;
 use geometry::Vec3;
 use imitation::nn::Params;
-use imitation::nn::networks::{self, acceleration_mlp as trained_mlp, autoencoder};
+use imitation::nn::networks::direct::DirectNetwork;
+use imitation::nn::networks::{self, autoencoder};
 use imitation::nn::ops::chamfer::Chamfer;
 use imitation::train::backward::Loss;
 use imitation::train::data_parallel::Gradient;
@@ -197,7 +198,9 @@ fn acceleration_mlps_match_pytorch() {
         let bytes = params.export(&[]).unwrap();
         let tensors = Tensors::parse(&bytes).unwrap();
         let runs = AccelerationMlp::load(&tensors, &config, LATENT_DIM, &limits).unwrap();
-        let twin = trained_mlp::AccelerationMlp::new(&config, LATENT_DIM, &limits).unwrap();
+        let network = NetworkConfig::Mlp(config);
+        let policy = PolicyConfig { observation: ObservationKind::Cloud, network };
+        let twin = DirectNetwork::new(&policy, &limits).unwrap();
         let made = twin.accelerations(&params, &states, &latents).unwrap();
         let rows = made.to_vec2::<f32>().unwrap();
         for (i, (state, z)) in states.iter().zip(&latents).enumerate() {
