@@ -162,6 +162,27 @@ fn steps_after_the_outcome_move_the_object_but_not_the_outcome() {
 }
 
 #[test]
+fn evidence_measures_contacts_slip_and_height_at_the_outcome() {
+    let (context, mut object) = (context(), Object::from_catalog("sugar_box").unwrap());
+    let mut attempt = start_planner_attempt(&context, &object);
+    assert_eq!(attempt.evidence(), None, "before the outcome");
+    let outcome = attempt.run(&context);
+    let held = attempt.evidence().unwrap();
+    assert!(outcome.is_lifted() && held.fingers >= 2 && !held.table && !held.arm, "{held:?}");
+    assert!(held.height > 0.1 && held.slip.unwrap().distance < 0.03, "{held:?}");
+
+    // Too heavy for the hand, which rises by 15 cm while the object stays on the table.
+    object.mass = 30.0;
+    let mut attempt = start_planner_attempt(&context, &object);
+    assert!(!attempt.run(&context).is_lifted());
+    let failed = attempt.evidence().unwrap();
+    assert!(failed.table && failed.height < 0.01 && failed.max_height < 0.03, "{failed:?}");
+    assert!(failed.slip.unwrap().distance > 0.1, "{failed:?}");
+    let text = failed.explain(&context.robot.config.protocol);
+    assert!(text.contains("table. Slip in the hand: 1"), "{text}");
+}
+
+#[test]
 fn attempt_reports_the_executed_grasp() {
     let (context, object) = (context(), Object::from_catalog("sugar_box").unwrap());
     let mut attempt = start_planner_attempt(&context, &object);

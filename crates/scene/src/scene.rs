@@ -10,7 +10,7 @@ use objects::object::Object;
 use rapier3d::prelude::{
     JointAxis, MultibodyJointHandle, PhysicsWorld, RigidBodyBuilder, RigidBodyHandle,
 };
-use robot::{ARM_DOF, DOF, JointState, JointVector, KinematicTree};
+use robot::{ARM_DOF, DOF, FINGER_DOF, JointState, JointVector, KinematicTree, NUM_FINGERS};
 
 /// Table, object and robot under physics.
 ///
@@ -129,6 +129,25 @@ impl Scene {
     /// Contact forces on the object in the last physics step.
     pub fn contact_forces(&self) -> Vec<ContactForce> {
         self.tabletop.contact_forces()
+    }
+
+    /// Parts of the hand in contact with the object: index, middle and ring finger, thumb; then the palm.
+    pub fn hand_contacts(&self) -> ([bool; NUM_FINGERS], bool) {
+        let (mut fingers, mut palm) = ([false; NUM_FINGERS], false);
+        for touching in self.tabletop.touching_bodies() {
+            let body = self.bodies.iter().position(|&body| body == touching);
+            // Joint i moves body i + 1. The last body of the arm is the palm; the joints of a finger follow
+            // each other.
+            let Some(part) = body.and_then(|body| body.checked_sub(ARM_DOF)) else { continue };
+            let Some(joint) = part.checked_sub(1) else {
+                palm = true;
+                continue;
+            };
+            if let Some(finger) = fingers.get_mut(joint / FINGER_DOF) {
+                *finger = true;
+            }
+        }
+        (fingers, palm)
     }
 
     /// Number of physics steps so far.

@@ -102,25 +102,33 @@ impl TabletopWorld {
         is_hand: impl Fn(Option<RigidBodyHandle>) -> Option<bool>,
     ) -> ContactState {
         let mut touching = ContactState::default();
-        for &collider in &self.object_colliders {
-            for pair in self.world.contact_pairs_with(collider) {
-                if !pair.has_any_active_contact() {
-                    continue;
-                }
-                let other =
-                    if pair.collider1 == collider { pair.collider2 } else { pair.collider1 };
-                if other == self.table_collider {
-                    touching.table = true;
-                    continue;
-                }
-                match is_hand(self.world.colliders[other].parent()) {
-                    Some(true) => touching.hand = true,
-                    Some(false) => touching.arm = true,
-                    None => {}
-                }
+        for other in self.touching_colliders() {
+            if other == self.table_collider {
+                touching.table = true;
+                continue;
+            }
+            match is_hand(self.world.colliders[other].parent()) {
+                Some(true) => touching.hand = true,
+                Some(false) => touching.arm = true,
+                None => {}
             }
         }
         touching
+    }
+
+    /// Colliders in contact with the object, once per contact pair.
+    fn touching_colliders(&self) -> impl Iterator<Item = ColliderHandle> + '_ {
+        self.object_colliders.iter().flat_map(|&collider| {
+            let pairs = self.world.contact_pairs_with(collider);
+            pairs.filter(|pair| pair.has_any_active_contact()).map(move |pair| {
+                if pair.collider1 == collider { pair.collider2 } else { pair.collider1 }
+            })
+        })
+    }
+
+    /// Bodies in contact with the object, once per contact pair.
+    pub(crate) fn touching_bodies(&self) -> impl Iterator<Item = RigidBodyHandle> + '_ {
+        self.touching_colliders().filter_map(|collider| self.world.colliders[collider].parent())
     }
 
     /// Contact forces on the object in the last physics step.

@@ -4,6 +4,7 @@
 //! Knows no controller, network or recording.
 
 use crate::attempt::contact_history::ContactHistory;
+use crate::attempt::evidence::{Evidence, Slip};
 use crate::attempt::phase_clock::{PhaseClock, PhaseStarts};
 use crate::attempt::setup::AttemptSetup;
 use crate::attempt::{FailureReason, Outcome, Phase};
@@ -21,6 +22,8 @@ pub(crate) struct AttemptState {
     /// Reference of the hold criterion; `None` before the lift.
     hold_monitor: Option<HoldMonitor>,
     outcome: Option<Outcome>,
+    /// Measurements at the outcome; `None` before it, and if they are not finite.
+    evidence: Option<Evidence>,
     /// Hash of the simulation state at the outcome (hex).
     final_state_hash: Option<String>,
 }
@@ -37,6 +40,7 @@ impl AttemptState {
             contact_history: ContactHistory::new(setup.world_from_object.translation),
             hold_monitor: None,
             outcome: None,
+            evidence: None,
             final_state_hash: None,
         })
     }
@@ -101,8 +105,27 @@ impl AttemptState {
 
     fn finish(&mut self, outcome: Outcome) {
         self.outcome = Some(outcome);
+        self.evidence = self.scene.is_finite().then(|| self.measure());
         self.final_state_hash = Some(self.scene.state_hash().to_hex().to_string());
         self.clock.enter(Phase::Done);
+    }
+
+    /// Measurements of the object now.
+    fn measure(&self) -> Evidence {
+        let (fingers, palm) = self.scene.hand_contacts();
+        let fingers = fingers.into_iter().filter(|touches| *touches).count();
+        let slip = self.hold_monitor.as_ref().map(Slip::from);
+        let (height, pose) = (self.scene.object_height(), self.scene.object_pose());
+        self.contact_history.evidence(&pose, height, slip).with_contacts(
+            fingers,
+            palm,
+            self.scene.contact_state(),
+        )
+    }
+
+    /// Measurements at the outcome; `None` before it, and if the simulation diverged.
+    pub(crate) fn evidence(&self) -> Option<Evidence> {
+        self.evidence
     }
 
     pub(crate) fn scene(&self) -> &Scene {

@@ -1,7 +1,8 @@
 //! Motion and contacts of the object so far, which determine the reason of a failure.
 
 use crate::attempt::FailureReason;
-use geometry::Vec3;
+use crate::attempt::evidence::{Evidence, Slip};
+use geometry::{Pose, Vec3};
 use scene::HoldFailure;
 
 /// Max displacement (m) of the object during the approach.
@@ -49,7 +50,7 @@ impl ContactHistory {
 
     /// Reason of a failed hold, from the final object position `end` (m) and the failed hold criterion.
     pub(crate) fn hold_failure(&self, end: Vec3, failure: HoldFailure) -> FailureReason {
-        let displacement = (end - self.start_position).truncate().length();
+        let displacement = self.displacement(end);
         match failure {
             _ if self.max_height <= MIN_LIFTED_HEIGHT && displacement > MIN_PUSH_DISTANCE => {
                 FailureReason::PushedAway
@@ -61,6 +62,27 @@ impl ContactHistory {
             HoldFailure::Slipped => FailureReason::Slipped,
             HoldFailure::TooLow | HoldFailure::ForeignContact => FailureReason::TooLow,
         }
+    }
+
+    /// Motion of the object, now at `pose` and `height` (m) above the table, without its contacts.
+    pub(crate) fn evidence(&self, pose: &Pose, height: f32, slip: Option<Slip>) -> Evidence {
+        let cos = (pose.rotation * Vec3::Z).z.clamp(-1.0, 1.0);
+        Evidence {
+            fingers: 0,
+            palm: false,
+            arm: false,
+            table: false,
+            slip,
+            height,
+            max_height: self.max_height,
+            displacement: self.displacement(pose.translation),
+            tilt: libm::acosf(cos),
+        }
+    }
+
+    /// Horizontal distance (m) of `position` from the initial position of the object.
+    fn displacement(&self, position: Vec3) -> f32 {
+        (position - self.start_position).truncate().length()
     }
 }
 
@@ -81,6 +103,18 @@ mod tests {
         assert_eq!(reason(0.1, 0.0, 0.08, HoldFailure::TooLow), FailureReason::TooLow);
         assert_eq!(reason(0.2, 0.0, 0.2, HoldFailure::ForeignContact), FailureReason::TooLow);
         assert_eq!(reason(0.2, 0.0, 0.195, HoldFailure::NoContact), FailureReason::Dropped);
+    }
+
+    #[test]
+    fn evidence_measures_horizontal_motion_and_tilt() {
+        let mut history = ContactHistory::new(Vec3::new(0.5, 0.1, 0.0));
+        history.add_height(0.02);
+        history.add_height(0.01);
+        let tilted = Pose::new(Vec3::new(0.53, 0.14, 0.2), Vec3::new(0.0, 0.3, 0.0));
+        let found = history.evidence(&tilted, 0.01, None);
+        assert!((found.displacement - 0.05).abs() < 1e-6, "{}", found.displacement);
+        assert!((found.tilt - 0.3).abs() < 1e-3, "{}", found.tilt);
+        assert_eq!((found.height, found.max_height), (0.01, 0.02));
     }
 
     #[test]

@@ -9,6 +9,7 @@ mod contact_history;
 mod controller;
 mod demonstration_library;
 mod driver;
+mod evidence;
 mod live_driver;
 mod outcome;
 mod phase_clock;
@@ -18,6 +19,7 @@ mod setup;
 
 pub use controller::Controller;
 pub use demonstration_library::DemonstrationLibrary;
+pub use evidence::{Evidence, Slip};
 pub use outcome::{FailureReason, Outcome};
 pub(crate) use phase_clock::PhaseStarts;
 pub use phases::Phase;
@@ -164,6 +166,19 @@ impl Attempt {
     /// Outcome, after the end of the attempt.
     pub fn outcome(&self) -> Option<Outcome> {
         self.state.outcome()
+    }
+
+    /// Measurements of the object at the outcome. `None` before the outcome, and for an attempt that could not
+    /// start or that diverged.
+    pub fn evidence(&self) -> Option<Evidence> {
+        self.state.evidence().filter(|_| self.ticks() > 0)
+    }
+
+    /// The outcome in one sentence, refined by its evidence; `None` before the outcome.
+    pub fn description(&self) -> Option<&'static str> {
+        let outcome = self.outcome()?;
+        let evidence = self.evidence();
+        Some(evidence.map_or(outcome.description(), |evidence| evidence.describe(outcome)))
     }
 
     /// Number of control periods so far.
