@@ -33,17 +33,20 @@ const VERSION: &str = "1";
 impl ShareLink {
     /// Whether a command-line argument is a share link instead of a file path.
     pub(crate) fn looks_like(text: &str) -> bool {
-        text.contains("#v=")
+        let Some(fragment) = restore_fragment(text) else { return false };
+        form_urlencoded::parse(fragment.as_bytes()).any(|(name, _)| name == "v" || name == "oh")
     }
 
     /// Parses a share link.
     pub(crate) fn parse(text: &str) -> Result<Self> {
-        let (_, fragment) = text.split_once('#').context("the link has no part after #")?;
+        let fragment = restore_fragment(text).context("the link has no part after #")?;
         let fields: BTreeMap<String, String> =
             form_urlencoded::parse(fragment.as_bytes()).into_owned().collect();
         let field = |name: &str| {
             let value = fields.get(name).filter(|value| !value.is_empty()).cloned();
-            value.with_context(|| format!("the link is incomplete: part \"{name}\" is missing"))
+            value.with_context(|| {
+                format!("this link was changed on its way: part \"{name}\" is missing; ask the sender for it again")
+            })
         };
         let version = field("v")?;
         if version != VERSION {
@@ -69,6 +72,27 @@ impl ShareLink {
             final_hash: field("h")?,
         })
     }
+}
+
+/// The part of a link after `#`. Undoes the changes that mail and chat programs make: escaped separators, `&`
+/// as `&amp;`.
+fn restore_fragment(text: &str) -> Option<String> {
+    let (_, fragment) = text.split_once('#').or_else(|| text.split_once("%23"))?;
+    let fragment = fragment.strip_prefix("%23").unwrap_or(fragment);
+    let mut fragment = match fragment.contains('=') {
+        true => fragment.to_owned(),
+        // Separators are never escaped in a link, so all of them were, and the values twice.
+        false => fragment.split('&').map(unescape).collect::<Vec<_>>().join("&"),
+    };
+    while fragment.contains("&amp;") {
+        fragment = fragment.replace("&amp;", "&");
+    }
+    Some(fragment)
+}
+
+/// Removes one level of escapes from text without separators.
+fn unescape(text: &str) -> String {
+    form_urlencoded::parse(text.as_bytes()).map(|(name, _)| name.into_owned()).collect()
 }
 
 /// Unit, mass and orientation, if specified.
@@ -120,6 +144,27 @@ mod tests {
         );
         let options = ShareLink::parse(&LINK.replace("&p=", "&st=file&p=")).unwrap().options;
         assert_eq!(options.orientation, Some(Orientation::AsInFile));
+    }
+
+    #[test]
+    fn parse_restores_links_changed_by_mail_programs() {
+        let original = ShareLink::parse(LINK).unwrap();
+        let (page, fragment) = LINK.split_once('#').unwrap();
+        let mut parts: Vec<&str> = fragment.split('&').collect();
+        parts.reverse();
+        let escaped: String = form_urlencoded::byte_serialize(fragment.as_bytes()).collect();
+        for changed in [
+            LINK.replace('#', "%23"),
+            LINK.replace('&', "&amp;"),
+            LINK.replace('&', "&amp;amp;").replace('#', "%23"),
+            format!("{page}#{}", parts.join("&")),
+            format!("{page}%23{escaped}"),
+            format!("{page}#%23{fragment}"),
+        ] {
+            assert!(ShareLink::looks_like(&changed), "{changed}");
+            assert_eq!(ShareLink::parse(&changed).unwrap(), original, "{changed}");
+        }
+        assert!(!ShareLink::looks_like("attempt #3.json"));
     }
 
     #[test]

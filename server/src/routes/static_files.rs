@@ -4,7 +4,7 @@ use super::http_content::{IMMUTABLE, REVALIDATE};
 use crate::{AppState, Problem, ProblemCode};
 use axum::extract::{Request, State};
 use axum::http::{HeaderValue, StatusCode, header};
-use axum::response::{IntoResponse, Response};
+use axum::response::{IntoResponse, Redirect, Response};
 use tower::ServiceExt;
 use tower_http::services::ServeDir;
 
@@ -12,6 +12,9 @@ use tower_http::services::ServeDir;
 /// are revalidated by ETag each time.
 pub(crate) async fn file(State(state): State<AppState>, request: Request) -> Response {
     let (method, path) = (request.method().clone(), request.uri().path().to_owned());
+    if let Some(link) = restored_share_link(&path) {
+        return Redirect::temporary(&link).into_response();
+    }
     let files = ServeDir::new(&*state.web_dir).precompressed_br().precompressed_gzip();
     let mut response = match files.oneshot(request).await {
         Ok(response) => response.map(axum::body::Body::new),
@@ -39,6 +42,15 @@ pub(crate) async fn file(State(state): State<AppState>, request: Request) -> Res
             response
         }
     }
+}
+
+/// Share link whose `#` was escaped on its way, so that the browser sent its fragment as part of the path.
+fn restored_share_link(path: &str) -> Option<String> {
+    let (page, fragment) = path.split_once("%23")?;
+    // Other prefixes could name another host.
+    let is_page = ["/", "/index.html"].contains(&page);
+    let is_link = fragment.contains("v=") || fragment.contains("v%3D");
+    (is_page && is_link).then(|| format!("{page}#{fragment}"))
 }
 
 fn web_not_built() -> Problem {

@@ -58,6 +58,24 @@ async fn json(response: Response) -> Value {
     serde_json::from_slice(&bytes(response).await).expect("JSON")
 }
 
+#[tokio::test]
+async fn share_link_with_escaped_hash_redirects_to_the_page() {
+    let folder = folder();
+    for (path, location) in [
+        ("/%23v=1&o=sugar_box", "/#v=1&o=sugar_box"),
+        ("/index.html%23v%3D1%26o%3Dcup", "/index.html#v%3D1%26o%3Dcup"),
+        ("/%23o=cup&amp;v=1", "/#o=cup&amp;v=1"),
+    ] {
+        let response = get(&folder, path).await;
+        assert_eq!(response.status(), StatusCode::TEMPORARY_REDIRECT, "{path}");
+        assert_eq!(response.headers()[header::LOCATION], location);
+    }
+    // The path could name another host, or is not a share link.
+    for path in ["//example.org/%23v=1", "/notes%23v=1", "/%23notes"] {
+        assert_eq!(get(&folder, path).await.status(), StatusCode::NOT_FOUND, "{path}");
+    }
+}
+
 fn header<'a>(response: &'a Response, name: &str) -> &'a str {
     response.headers().get(name).map_or("", |value| value.to_str().expect("text"))
 }

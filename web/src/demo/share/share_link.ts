@@ -56,10 +56,31 @@ export function buildLink(link: ShareLink, page = location.href): string {
   return url.href;
 }
 
+// Fields that only a share link has.
+const FIELDS = ["oh", "sc", "h"];
+
+// Undoes the changes that mail and chat programs make to a fragment: escaped separators, "&" as "&amp;".
+function restoreFragment(hash: string): string {
+  const fragment = hash.replace(/^#?(%23)?/, "");
+  // Separators are never escaped in a link, so all of them were, and the values twice.
+  const isEscaped = !fragment.includes("=") && /%3D/i.test(fragment);
+  return (isEscaped ? unescape(fragment) : fragment).replace(/&(amp;)+/g, "&");
+}
+
+function unescape(text: string): string {
+  try {
+    return decodeURIComponent(text);
+  } catch {
+    // Incomplete escapes; the missing fields are reported.
+    return text;
+  }
+}
+
 // Parses a URL fragment; null if it is not a share link. Throws if it is invalid.
 export function parseLink(hash = location.hash): ShareLink | null {
-  const fields = new URLSearchParams(hash.slice(1));
+  const fields = new URLSearchParams(restoreFragment(hash));
   const version = fields.get("v");
+  if (version === null && FIELDS.some((name) => fields.has(name))) throw new Error(LINK.fieldMissing("v"));
   if (version === null) return null;
   if (version !== VERSION) throw new Error(LINK.unknownVersion(version));
   const text = (name: string) => {
