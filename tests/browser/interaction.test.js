@@ -78,6 +78,7 @@ test("attempt with user interaction is not counted", async () => {
   assert.ok(tick > 0 && tick > ticks - 10, `${tick} of ${ticks}`);
   await page.waitForFunction(() => document.getElementById("hash").textContent.startsWith("You moved the object"));
   await page.mouse.up();
+  assert.match(await page.textContent("#headline"), /not counted\.$/);
   assert.match(await page.textContent("#tally"), /^No attempts/);
   assert.ok(await page.isDisabled("#copy-link"));
   assert.match(await page.textContent("#share-hint"), /your interaction with the object/);

@@ -9,6 +9,7 @@ mod familiarity_text;
 mod fetch;
 mod history;
 mod object_import;
+mod outcome_text;
 mod protocol;
 mod robot_visuals;
 mod session;

@@ -9,6 +9,7 @@ pub(crate) use attempts::start_failure;
 use crate::fetch::ModelFiles;
 use crate::history::History;
 use crate::object_import::{self, LoadedObject};
+use crate::outcome_text;
 use crate::protocol::{
     AttemptFinished, BuiltIn, DepthCamera, Drag, Failure, Joint, Link, ObjectLoaded, Outcome,
     PlanarPose, PlaybackInfo, Ready, Rectangle, SavedFile, Shape, Table,
@@ -33,7 +34,8 @@ pub(crate) struct Session {
     /// Seed from which the pose was sampled; `None` for a custom pose.
     pose_seed: Option<u32>,
     attempt: Option<Attempt>,
-    /// Remaining ticks of simulation after the outcome, in which a released object settles.
+    /// Remaining ticks of simulation after the outcome. They show a released object that settles, and the
+    /// consequence of a failure; they are not part of the attempt.
     settle_ticks: usize,
     history: History,
     /// Whether telemetry is recorded with each tick.
@@ -49,6 +51,9 @@ pub(crate) struct Session {
 
 /// Ticks (1.5 s) in which a dropped object settles.
 const SETTLE_TICKS: usize = 45;
+
+/// Ticks (1 s) that show the consequence of a failure.
+const FAILURE_TICKS: usize = 30;
 
 impl Session {
     /// Default scene with the first built-in object at the pose of seed 0.
@@ -208,13 +213,18 @@ impl Session {
         if self.history.is_scrubbing() {
             self.history.advance();
         } else if let Some(attempt) = &mut self.attempt {
-            match attempt.outcome() {
-                None => attempt.step(&self.context),
-                Some(_) => attempt.step_after_outcome(),
+            let is_running = attempt.outcome().is_none();
+            match is_running {
+                true => attempt.step(&self.context),
+                false => attempt.step_after_outcome(),
             }
-            self.settle_ticks = match attempt.is_disturbed() {
-                true => SETTLE_TICKS,
-                false => self.settle_ticks.saturating_sub(1),
+            let has_failed = attempt.outcome().is_some_and(|outcome| !outcome.is_lifted());
+            // A simulation that diverged has no evidence and does not continue.
+            let has_just_failed = is_running && has_failed && attempt.evidence().is_some();
+            self.settle_ticks = match (attempt.is_disturbed(), has_just_failed) {
+                (true, _) => SETTLE_TICKS,
+                (false, true) => FAILURE_TICKS,
+                (false, false) => self.settle_ticks.saturating_sub(1),
             };
             self.push_snapshot();
         }
@@ -254,7 +264,7 @@ impl Session {
             seed,
             pose: PlanarPose { x, y, yaw },
             lifted: outcome.is_lifted(),
-            text: outcome.description().to_owned(),
+            text: outcome_text::headline(attempt, outcome).to_owned(),
             time: attempt.ticks() as f64 * CONTROL_DT,
             final_state_hash: attempt.state_hash(),
             batch_tally,
@@ -282,7 +292,12 @@ impl Session {
         }
         Some(Outcome {
             lifted: outcome.is_lifted(),
-            text: outcome.description().to_owned(),
+            text: outcome_text::headline(attempt, outcome).to_owned(),
+            evidence: outcome_text::explanation(
+                attempt,
+                outcome,
+                &self.context.robot.config.protocol,
+            ),
             seed: self.seed,
             pose: self.pose,
             placed_by_hand: self.pose_seed != Some(self.seed),

@@ -331,6 +331,8 @@ pub(crate) struct SavedFile {
 pub(crate) struct Outcome {
     pub(crate) lifted: bool,
     pub(crate) text: String,
+    /// Measurements that explain a failure: contacts, slip, height.
+    pub(crate) evidence: Option<String>,
     pub(crate) seed: u32,
     pub(crate) pose: PlanarPose,
     /// Whether the pose differs from the pose that the seed samples.

@@ -18,10 +18,13 @@ export const ATTEMPT = {
   restarting: "Restarting…",
   unsupported: "This browser is not supported",
   seed: (seed: number) => `Seed ${seed}`,
+  invalidSeed: "A seed is a whole number from 0 to 4294967295.",
   customPose: ", custom pose",
   noPolicy: (playback: string) => `${playback} (no policy)`,
   finalState: (attempt: string, hash: string) => `${attempt}. Final state: ${hash}`,
   disturbed: "You moved the object during this attempt, so it is not counted.",
+  // The simulation continues for a second after a failure.
+  settling: "The last second is not counted.",
   matchesLink: (note: string | null) => `${note} (matches the link)`,
   matchesRecording: (note: string | null) => `${note} (matches the recording)`,
   differsFromRecording: (note: string | null) => `${note} (differs from the recording)`,
@@ -52,6 +55,8 @@ export const PLAYBACK = {
   paused: "Paused",
   rate: (factor: string) => `${factor}× real time`,
   time: (time: string, total: string) => `${time} of ${total} seconds`,
+  afterOutcome: (time: string) => `+${time} s`,
+  afterOutcomeText: (time: string) => `${time} seconds after the outcome, not counted`,
 } as const;
 
 export const OBJECT_INFO = {
@@ -101,11 +106,15 @@ export const SHARE = {
   noServer: "no server reachable",
   video: "Video",
   stop: "Stop",
+  noVideo: (why: string) => `No video was recorded: ${why}`,
+  noFrames: "the browser delivered no frames. Keep the page visible, or use a screen recorder.",
 } as const;
 
 export const DIAGNOSTICS = {
   groups: { arm: "Arm", index: "Index", middle: "Middle", ring: "Ring", thumb: "Thumb" },
   position: (q: string, lower: string, upper: string) => `${q} rad (limits ${lower} to ${upper})`,
+  noValue: "n/a",
+  seconds: (time: string) => `${time} s`,
   plots: {
     energy: { name: "Energy ½ q̇ᵀq̇", unit: "rad²/s²" },
     terms: {
@@ -125,7 +134,9 @@ const UPDATE = "Use Chrome 111+, Firefox 121+ or Safari 16.4+.";
 export const CHECK = {
   title: "Self-check",
   supported: "Fully supported",
-  missing: (missing: number, total: number) => `${missing} of ${total} features missing`,
+  missing: (count: number) => `${count} required ${count === 1 ? "feature" : "features"} missing`,
+  optionalMissing: (count: number) => `Supported; ${count} optional ${count === 1 ? "feature" : "features"} missing`,
+  optional: (hint: string) => `Optional. ${hint}`,
   available: "Available",
   cores: (count: number) => `${count} cores`,
   gigabytes: (count: number) => `${count} GB or more`,
@@ -133,15 +144,16 @@ export const CHECK = {
   webAssembly: { name: "WebAssembly", hint: UPDATE },
   simd: { name: "SIMD", hint: UPDATE },
   workers: { name: "Workers", hint: UPDATE },
-  webgl: { name: "WebGL 2", hint: "Enable hardware acceleration. Without WebGL, the page uses a 2D canvas; everything else works." },
-  storage: { name: "Storage", hint: "Meshes are lost when the page is closed. Exit private browsing to keep them." },
+  webgl: { name: "WebGL 2", isOptional: true, hint: "Enable hardware acceleration. Without WebGL, the page uses a 2D canvas; everything else works." },
+  storage: { name: "Storage", isOptional: true, hint: "Meshes are lost when the page is closed. Exit private browsing to keep them." },
   isolation: {
     name: "Isolation",
+    isOptional: true,
     detail: "High-resolution timers",
-    hint: "The host must send COOP and COEP headers, as `ngf serve` does. The page also works without them.",
+    hint: "The host must send COOP and COEP headers, as `ngf serve` does.",
   },
-  memory: { name: "Memory", hint: "Close other tabs." },
-  video: { name: "Video", hint: "Use a screen recorder instead." },
+  memory: { name: "Memory", isOptional: true, hint: "Close other tabs." },
+  video: { name: "Video", isOptional: true, hint: "Use a screen recorder instead." },
 } as const;
 
 const OPEN_ORIGINAL = "Open it on the site where it was created to reproduce the attempt.";
@@ -150,7 +162,7 @@ export const LINK = {
   fieldMissing: (field: string) => `field "${field}" is missing`,
   fieldInvalid: (field: string, value: string) => `field "${field}" has the invalid value "${value}"`,
   fieldNotNumbers: (field: string, count: number) => `field "${field}" must have ${count} numbers`,
-  invalid: (why: string) => ({ message: `Invalid link: ${why}.`, hint: "It may be truncated; ask the sender for it again." }),
+  invalid: (why: string) => ({ message: `Invalid link: ${why}.`, hint: "This link was changed on its way, for example shortened by a mail program. Ask the sender for it again." }),
   sceneMismatch: { message: "This link was made with a different version of the scene; the result may differ.", hint: OPEN_ORIGINAL },
   modelMismatch: (policy: string) => ({
     message: `This link was made with a different version of policy "${policy}"; the result may differ.`,

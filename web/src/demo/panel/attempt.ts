@@ -14,6 +14,7 @@ export interface AttemptEvents {
 export class AttemptPanel {
   readonly #events: AttemptEvents;
   readonly #headline = element("headline", HTMLElement);
+  readonly #evidence = element("evidence", HTMLElement);
   readonly #announcement = element("announcement", HTMLElement);
   readonly #phases = element("phases", HTMLOListElement);
   readonly #grasp = element("grasp", HTMLButtonElement);
@@ -44,6 +45,7 @@ export class AttemptPanel {
     this.#seed.addEventListener("keydown", (event) => {
       if (event.key === "Enter") this.#placeBySeed();
     });
+    this.#seed.addEventListener("blur", () => this.#rejectInvalidSeed());
   }
 
   // `tally`: earlier attempts with this object.
@@ -61,6 +63,7 @@ export class AttemptPanel {
     [this.#actor, this.#phase] = [null, null];
     this.#enable();
     this.#headline.textContent = headline;
+    this.#evidence.hidden = true;
   }
 
   #showModel({ id, text, tally }: Model): void {
@@ -106,7 +109,16 @@ export class AttemptPanel {
     this.#placeBySeed();
   }
 
+  // Replaces an invalid seed by the last one. It places no object, so an attempt under way continues.
+  #rejectInvalidSeed(): boolean {
+    if (this.#seed.value !== "" && this.#seed.validity.valid) return false;
+    this.#seed.value = String(this.#poseSeed);
+    this.#announcement.textContent = ATTEMPT.invalidSeed;
+    return true;
+  }
+
   #placeBySeed(): void {
+    if (this.#rejectInvalidSeed()) return;
     this.#poseSeed = this.#seedValue();
     this.#events.placeBySeed(this.#poseSeed);
   }
@@ -120,6 +132,7 @@ export class AttemptPanel {
     if (phase === this.#phase && playback?.description === this.#playback?.description) return;
     if (this.#playback && !playback) this.#note.hidden = true;
     [this.#phase, this.#playback] = [phase, playback];
+    this.#evidence.hidden = phase !== "outcome" || this.#outcome?.evidence == null;
     if (phase === "outcome") {
       if (this.#outcome) this.#headline.textContent = this.#outcome.text;
     } else {
@@ -133,7 +146,10 @@ export class AttemptPanel {
   #showOutcome(outcome: Outcome): void {
     this.#outcome = outcome;
     this.#headline.textContent = outcome.text;
-    this.#announcement.textContent = `${outcome.text} ${TALLY.lifted(outcome.tally)}.`;
+    this.#evidence.hidden = outcome.evidence === null;
+    this.#evidence.textContent = outcome.evidence && `${outcome.evidence} ${ATTEMPT.settling}`;
+    const announcement = [outcome.text, outcome.evidence, `${TALLY.lifted(outcome.tally)}.`];
+    this.#announcement.textContent = announcement.filter(Boolean).join(" ");
     const pose = outcome.placedByHand ? ATTEMPT.customPose : "";
     const attempt = outcome.playback?.description ?? ATTEMPT.seed(outcome.seed) + pose;
     this.#showNote(outcome.disturbed ? ATTEMPT.disturbed : ATTEMPT.finalState(attempt, outcome.finalStateHash.slice(0, 16)));

@@ -46,8 +46,14 @@ export class Timeline {
     setEnabled(this.#slider, ticks > 0);
     this.#slider.max = String(Math.max(1, ticks));
     if (!this.#isDragged) this.#slider.value = String(tick);
-    this.#slider.setAttribute("aria-valuetext", PLAYBACK.time((tick * TICK_S).toFixed(2), (ticks * TICK_S).toFixed(2)));
-    element("clock", HTMLElement).textContent = ticks > 0 ? `${(tick * TICK_S).toFixed(1)} s` : "";
+    const outcomeTick = frame.phaseStarts.find(([phase]) => phase === "outcome")?.[1] ?? Infinity;
+    const seconds = (count: number, digits: number) => (count * TICK_S).toFixed(digits);
+    // The time after the outcome belongs to no attempt, so it is counted from there.
+    const after = tick - outcomeTick;
+    const text = after > 0 ? PLAYBACK.afterOutcomeText(seconds(after, 2)) : PLAYBACK.time(seconds(tick, 2), seconds(ticks, 2));
+    this.#slider.setAttribute("aria-valuetext", text);
+    const clock = after > 0 ? PLAYBACK.afterOutcome(seconds(after, 1)) : `${seconds(tick, 1)} s`;
+    element("clock", HTMLElement).textContent = ticks > 0 ? clock : "";
     for (const button of this.#phases) setEnabled(button, this.#startTick(button) !== undefined);
   }
 }

@@ -187,7 +187,11 @@ export type Model = { id: string | null,
  */
 hash: string | null, text: string, tally: Tally, };
 
-export type Outcome = { lifted: boolean, text: string, seed: number, pose: PlanarPose,
+export type Outcome = { lifted: boolean, text: string,
+/**
+ * Measurements that explain a failure: contacts, slip, height.
+ */
+evidence: string | null, seed: number, pose: PlanarPose,
 /**
  * Whether the pose differs from the pose that the seed samples.
  */
