@@ -77,8 +77,9 @@ test("late recording does not replace a pose set by the user", async () => {
       return body;
     };
   });
+  // The recording is shown only until the policy is loaded.
+  await page.route("**/weights**", () => {});
   await page.goto(served.address);
-  await untilReady(page);
   await page.waitForFunction(() => globalThis.deliver);
   const before = await page.inputValue("#pose-x");
   await page.click("#new-pose");
@@ -108,21 +109,51 @@ test("next attempt keeps the focus", async () => {
   await page.close();
 });
 
-test("recording plays to its outcome while the policy loads, then the policy runs", async () => {
+// Records the headlines and the notes of the attempts.
+function recordTexts() {
+  globalThis.texts = { headline: [], hash: [] };
+  new MutationObserver(() => {
+    for (const [id, texts] of Object.entries(globalThis.texts)) {
+      const { hidden = true, textContent } = document.getElementById(id) ?? {};
+      if (!hidden && texts.at(-1) !== textContent) texts.push(textContent);
+    }
+  }).observe(document, { subtree: true, childList: true, characterData: true, attributes: true });
+}
+
+test("recording plays only until the policy is loaded, which then acts", async () => {
   const { page } = await newPage(served, { reducesMotion: false });
+  await page.addInitScript(recordTexts);
   await page.route("**/weights**", async (route) => {
     await page.waitForFunction(() => document.getElementById("hash").textContent.startsWith("Demonstration,"));
     await route.continue();
   });
   await page.goto(served.address);
   await page.waitForFunction(() => document.getElementById("model").textContent.startsWith("Loaded"));
-  await page.selectOption("#speed", "4");
   assert.equal(await page.textContent("#announcement"), "Loaded: default");
-  // The announcement stays until the next outcome.
-  await page.waitForFunction(() => document.getElementById("announcement").textContent.endsWith("lifted."));
-  assert.match(await page.textContent("#announcement"), / 0 of 0 lifted\.$/, "a recording is not counted");
+  await page.selectOption("#speed", "4");
   await page.waitForFunction(() => document.getElementById("hash").textContent.startsWith("Seed 0. Final state:"));
+  // The recording ended without an outcome, and its note with it.
+  const { hash } = await page.evaluate(() => globalThis.texts);
+  assert.match(hash[0], /^Demonstration,.* \(no policy\)$/);
+  assert.equal(hash.length, 2, hash.join("\n"));
+  assert.doesNotMatch(hash[1], /custom pose/);
   assert.match(await page.textContent("#tally"), /^[01] of 1 lifted$/);
+
+  // A requested policy acts at once, without a recording.
+  await page.unrouteAll();
+  await page.goto(`${served.address}?model=default`);
+  await page.waitForFunction(() => document.getElementById("headline").textContent === "Policy: grasping");
+  const requested = await page.evaluate(() => globalThis.texts);
+  assert.deepEqual(requested.hash, []);
+  assert.ok(!requested.headline.some((text) => text.includes("demonstration")), requested.headline.join());
+
+  // Without a policy, an attempt during the recording starts at the pose of its seed.
+  await page.route("**/models/**", (route) => route.fulfill({ status: 404 }));
+  await page.goto(served.address);
+  await page.waitForFunction(() => document.getElementById("hash").textContent.startsWith("Demonstration,"));
+  await page.click("#grasp");
+  await page.selectOption("#speed", "4");
+  await page.waitForFunction(() => document.getElementById("hash").textContent.startsWith("Seed 0. Final state:"));
   await page.close();
 });
 

@@ -61,6 +61,27 @@ test("saved image shows the canvas, and saved video is a WebM or MP4 file", asyn
   assert.ok(video.bytes.length > 10_000, `${video.bytes.length} bytes`);
   if (video.name.endsWith("webm")) assert.deepEqual([...video.bytes.subarray(0, 4)], [0x1a, 0x45, 0xdf, 0xa3]);
   assert.equal(await page.textContent("#save-webm"), "Video");
+
+  // After an outcome nothing moves, so the attempt is played again. The film plays outside of the page's policy.
+  await page.selectOption("#speed", "4");
+  await page.waitForSelector("[data-phase=outcome].is-now");
+  await page.waitForTimeout(1_000);
+  await page.click("#save-webm");
+  await page.waitForSelector("[data-phase=approach].is-now");
+  await page.waitForTimeout(4_000);
+  const film = await downloadBy(page, "#save-webm");
+  assert.ok(film.bytes.length > 10_000, `${film.bytes.length} bytes`);
+  const player = await page.context().newPage();
+  const source = `data:video/${film.name.split(".").pop()};base64,${film.bytes.toString("base64")}`;
+  const played = await player.evaluate(async (source) => {
+    const video = Object.assign(document.createElement("video"), { src: source, muted: true });
+    document.body.append(video);
+    await video.play();
+    await new Promise((resolve) => setTimeout(resolve, 1_000));
+    return { time: video.currentTime, width: video.videoWidth };
+  }, source);
+  assert.ok(played.time > 0.5 && played.width > 100, JSON.stringify(played));
+  await player.close();
   assert.deepEqual(errors, []);
   await page.close();
 });

@@ -32,6 +32,9 @@ import { ATTEMPT, FILES, LINK } from "./strings";
 import { parseUrl } from "./url_params";
 import { Views } from "./views";
 
+// Codes of failed imports.
+const IMPORT_ERRORS = ["invalid_mesh", "invalid_recording", "mesh_too_large", "file_unreadable", "files_unreadable"];
+
 const prefersReducedMotion = matchMedia("(prefers-reduced-motion: reduce)").matches;
 
 let isFirstModel = true;
@@ -90,6 +93,11 @@ const share = new SharePanel(bus, {
   view: () => views.first?.getView() ?? null,
   screenshot: () => views.first?.screenshot() ?? Promise.resolve(null),
   canvas: () => element("view", HTMLCanvasElement),
+  setRecorded: (on) => views.first?.setRecorded(on),
+  replay: () => {
+    send({ kind: "seek", tick: 0 });
+    send({ kind: "resume" });
+  },
   exportRecording: () => send({ kind: "exportRecording" }),
   options: () => state.options,
   file: () => state.file,
@@ -108,8 +116,10 @@ const sharedAttempt =
     confirm: () => attempt.confirmLink(),
   });
 const intro = new Intro(bus, !prefersReducedMotion && !sharedAttempt && !params.hasFile, {
+  playsRecording: !params.isModelRequested,
   play: (file) => whenVisible(() => void objects.start(file)),
   grasp: () => whenVisible(() => attempt.runSeed(0)),
+  placeBySeed: () => send({ kind: "placeBySeed", seed: attempt.seed }),
 });
 new PolicyPicker(bus, params.model, (id) => {
   intro.stop();
@@ -119,6 +129,7 @@ new PolicyPicker(bus, params.model, (id) => {
 
 bus.on("ready", onReady);
 bus.on("object", onObject);
+bus.on("cloud", dismissImportErrors);
 bus.on("model", (model) => void onModel(model));
 bus.on("progress", (progress) => showProgress("worker", progress, state.isImporting));
 bus.on("file", ({ name, text }) => download(name, new Blob([text], { type: "application/json" })));
@@ -187,6 +198,7 @@ function onReady(ready: Ready): void {
 }
 
 function onObject(object: ObjectLoaded): void {
+  dismissImportErrors();
   if (object.hash !== objectHash) bus.emit({ kind: "objectChanged" });
   objectHash = object.hash;
   // The second worker is given the orientation that the first policy has chosen.
@@ -207,7 +219,7 @@ async function onModel(model: Model): Promise<void> {
   // Before attempts start with this policy, so that they use the orientation that it chooses.
   if (!isFirst && hasChanged) objects.reorient(model);
   training?.hasModel(model);
-  intro.hasModel();
+  intro.hasModel(model);
   sharedAttempt?.hasModel(model.hash);
   if (isFirst) await urlLoad;
   if (isFirst) objects.reorient(model);
@@ -233,6 +245,11 @@ async function loadFromUrl(): Promise<void> {
   } catch (error) {
     errors.report("url_load_failed", FILES.notLoaded(String(error)));
   }
+}
+
+// Errors about a file are obsolete once another object is on the table, or an attempt has started.
+function dismissImportErrors(): void {
+  for (const code of IMPORT_ERRORS) errors.dismiss(code);
 }
 
 function whenVisible(act: () => void): void {

@@ -1,10 +1,11 @@
-// Introduction: replays a recording, then runs an attempt of the policy. Any user action ends it.
+// Introduction: replays a recording until the policy is loaded, then runs an attempt of the policy. Any user
+// action ends it.
 
-import type { Outcome, WorkerRequest } from "../worker/protocol";
+import type { Model, Outcome, WorkerRequest } from "../worker/protocol";
 import type { EventBus } from "./event_bus";
 import recordingUrl from "./recording.json?url";
 
-// Delay between the outcome of the recording and the first attempt (ms).
+// Delay between the outcome of the recording and an attempt of the planner (ms).
 const PAUSE_MS = 1500;
 
 // Requests that do not end the introduction.
@@ -12,9 +13,17 @@ const PASSIVE = new Set<WorkerRequest["kind"]>(["streamTelemetry", "pause", "res
 // Requests that change the object or start an attempt.
 const INTERACTIONS = new Set<WorkerRequest["kind"]>(["loadObject", "place", "placeBySeed", "grasp", "batch", "playGrasps"]);
 
+// Requests after which the object would still be at the pose of the recording.
+const KEEPS_POSE = new Set<WorkerRequest["kind"]>(["grasp", "loadObject", "reset", "playGrasps"]);
+
 export interface IntroEvents {
+  // Whether a recording may fill the time until the policy is loaded. It does not replace a requested policy.
+  playsRecording: boolean;
   play(file: File): void;
+  // Runs the first attempt at the pose of its seed.
   grasp(): void;
+  // Places the object at the pose of the seed.
+  placeBySeed(): void;
 }
 
 export class Intro {
@@ -22,6 +31,8 @@ export class Intro {
   #isActive: boolean;
   #hasModel = false;
   #isRecordingFinished = false;
+  // Whether the object is at the pose of the recording, which the user has not chosen.
+  #isAtRecordedPose = false;
   // Whether the user has loaded or placed an object or started an attempt. The file of the URL does not
   // count.
   hasUserActed = false;
@@ -40,17 +51,20 @@ export class Intro {
   }
 
   async ready(): Promise<void> {
-    if (!this.#isActive) return;
+    if (!this.#isActive || !this.#events.playsRecording) return;
     const response = await fetch(recordingUrl).catch(() => null);
     const recording = response?.ok ? await response.blob().catch(() => null) : null;
-    // The user may have acted during the download.
+    // The user may have acted, or the policy may have been loaded, during the download.
     if (!this.#isActive || this.#isRecordingFinished) return;
-    if (recording) this.#events.play(new File([recording], "recording.json"));
-    else this.#finishRecording();
+    if (!recording) return this.#finishRecording();
+    this.#isAtRecordedPose = true;
+    this.#events.play(new File([recording], "recording.json"));
   }
 
-  hasModel(): void {
+  // A policy replaces the recording at once. The planner, used without a policy, waits for its end.
+  hasModel({ id }: Model): void {
     this.#hasModel = true;
+    this.#isRecordingFinished ||= id !== null;
     this.#startWhenReady();
   }
 
@@ -61,11 +75,20 @@ export class Intro {
   #onRequest(kind: WorkerRequest["kind"]): void {
     if (!PASSIVE.has(kind)) this.stop();
     this.hasUserActed ||= INTERACTIONS.has(kind);
+    if (KEEPS_POSE.has(kind)) this.#leaveRecordedPose();
+    if (kind === "place" || kind === "placeBySeed") this.#isAtRecordedPose = false;
   }
 
   #onUpload(): void {
     this.stop();
     this.hasUserActed = true;
+    this.#leaveRecordedPose();
+  }
+
+  #leaveRecordedPose(): void {
+    if (!this.#isAtRecordedPose) return;
+    this.#isAtRecordedPose = false;
+    this.#events.placeBySeed();
   }
 
   stop(): void {

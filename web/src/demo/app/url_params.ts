@@ -7,6 +7,8 @@ import type { Progress } from "../worker/protocol";
 
 export interface UrlParams {
   model: string;
+  // Whether the URL or the link names the model.
+  isModelRequested: boolean;
   // Job that trains the model; its new checkpoints are loaded.
   training: string | null;
   // Whether a mesh or a demonstration is requested.
@@ -22,6 +24,7 @@ export function parseUrl(link: ShareLink | null, search = location.search): UrlP
   const [mesh, episode] = [query.get("mesh") ?? link?.mesh ?? null, query.get("episode")];
   return {
     model: link?.model ?? query.get("model") ?? "default",
+    isModelRequested: link !== null || query.has("model"),
     training: (!link && query.get("training")) || null,
     hasFile: mesh !== null || episode !== null,
     isPlayback: mesh === null && episode !== null,

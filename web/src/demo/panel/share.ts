@@ -10,11 +10,18 @@ import { buildLink, type ShareLink } from "../share/share_link";
 import type { ImportOptions } from "../worker/messages";
 import type { Frame, Model, ObjectLoaded, Outcome } from "../worker/protocol";
 
+// Size of a film without frames: only headers (bytes).
+const EMPTY_VIDEO_BYTES = 1000;
+
 export interface ShareEvents {
   // Camera position and orbit target; null without a view.
   view(): number[] | null;
   screenshot(): Promise<Blob | null>;
   canvas(): HTMLCanvasElement;
+  // The canvas is being recorded, or no longer.
+  setRecorded(on: boolean): void;
+  // Plays the finished attempt from its first tick.
+  replay(): void;
   exportRecording(): void;
   // Import options of the current mesh file.
   options(): ImportOptions | null;
@@ -153,23 +160,38 @@ export class SharePanel {
     if (image) download("ngf-grasp.png", image);
   }
 
-  // Starts recording the canvas, or stops and downloads the video.
+  // Starts recording the canvas, or stops and downloads the video. A finished attempt is played again, since nothing
+  // moves after it.
   #toggleVideo(): void {
-    if (this.#recorder) {
-      this.#recorder.stop();
+    if (this.#recorder) return this.#recorder.stop();
+    try {
+      this.#events.setRecorded(true);
+      this.#recorder = this.#record();
+    } catch (error) {
+      this.#events.setRecorded(false);
+      this.#hint.textContent = SHARE.noVideo(String(error));
       return;
     }
+    this.#video.textContent = SHARE.stop;
+    if (this.#frame?.phase === "outcome") this.#events.replay();
+  }
+
+  #record(): MediaRecorder {
     const chunks: Blob[] = [];
     const type = `video/${VIDEO_FORMAT}`;
     const recorder = new MediaRecorder(this.#events.canvas().captureStream(30), { mimeType: type });
+    let reason: string = SHARE.noFrames;
     recorder.ondataavailable = ({ data }) => chunks.push(data);
+    recorder.onerror = (event) => (reason = String((event as ErrorEvent).error ?? reason));
     recorder.onstop = () => {
       this.#recorder = null;
+      this.#events.setRecorded(false);
       this.#video.textContent = SHARE.video;
-      download(`ngf-grasp.${VIDEO_FORMAT}`, new Blob(chunks, { type }));
+      const film = new Blob(chunks, { type });
+      if (film.size > EMPTY_VIDEO_BYTES) download(`ngf-grasp.${VIDEO_FORMAT}`, film);
+      else this.#hint.textContent = SHARE.noVideo(reason);
     };
     recorder.start();
-    this.#recorder = recorder;
-    this.#video.textContent = SHARE.stop;
+    return recorder;
   }
 }

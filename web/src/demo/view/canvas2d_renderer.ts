@@ -3,6 +3,7 @@
 import {
   type BufferGeometry,
   Color,
+  InstancedMesh,
   Line,
   LineLoop,
   LineSegments,
@@ -39,6 +40,7 @@ export class Canvas2dRenderer {
   readonly #context: CanvasRenderingContext2D;
   readonly #extremeVertices = new WeakMap<BufferGeometry, Float32Array>();
   readonly #view = new Matrix4();
+  readonly #instance = new Matrix4();
   readonly #point = new Vector3();
   #ratio = 1;
   #width = 1;
@@ -87,9 +89,20 @@ export class Canvas2dRenderer {
   }
 
   #drawItem(object: Object3D, camera: PerspectiveCamera): DrawItem | null {
+    if (object instanceof InstancedMesh) return this.#instancesItem(object, camera);
     if (object instanceof Mesh && !(object.material instanceof ShadowMaterial)) return this.#meshItem(object, camera);
     if (object instanceof Line || object instanceof Points) return this.#lineOrPointsItem(object, camera);
     return null;
+  }
+
+  #instancesItem(mesh: InstancedMesh, camera: PerspectiveCamera): DrawItem {
+    const view = this.#view.clone();
+    const items = Array.from({ length: mesh.count }, (_, i) => {
+      mesh.getMatrixAt(i, this.#instance);
+      this.#view.multiplyMatrices(view, this.#instance);
+      return this.#meshItem(mesh, camera);
+    });
+    return { depth: Math.max(0, ...items.map(({ depth }) => depth)), draw: () => items.forEach(({ draw }) => draw()) };
   }
 
   #meshItem({ geometry, material }: Mesh, camera: PerspectiveCamera): DrawItem {

@@ -78,6 +78,8 @@ export class View {
   #lastView: number[] = [];
   #showsSensor = false;
   #isFrameRequested = false;
+  // While the canvas is recorded, every frame is rendered, in a constant resolution.
+  #isRecorded = false;
   #idleTimer = 0;
 
   // Throws if the browser supports neither WebGL nor a 2-D canvas.
@@ -87,7 +89,7 @@ export class View {
     this.#renderer = this.#makeRenderer();
     this.#camera = new OrbitCamera(canvas, () => this.#requestFrame(), () => events.userMoved());
     this.#reconstruction.points.visible = false;
-    const lines = [this.#forces.lines, this.#trail.line, this.#spring.line];
+    const lines = [this.#forces.group, this.#trail.mesh, this.#spring.line];
     this.#scene.add(this.#object.group, this.#cloud.points, this.#reconstruction.points, this.#ghost.group, ...lines);
     this.#object.group.visible = false;
 
@@ -180,9 +182,9 @@ export class View {
   setLayer(layer: Layer, on: boolean): void {
     if (layer === "cloud") this.#cloud.points.visible = on;
     if (layer === "reconstruction") this.#reconstruction.points.visible = on;
-    if (layer === "forces") this.#forces.lines.visible = on;
+    if (layer === "forces") this.#forces.group.visible = on;
     if (layer === "hulls") this.#object.showHulls(on);
-    if (layer === "trail") this.#trail.line.visible = on;
+    if (layer === "trail") this.#trail.mesh.visible = on;
     if (layer === "target") this.#ghost.group.visible = on;
     if (layer === "limits") this.#limits.isVisible = on;
     if (layer === "sensor") this.#showsSensor = on;
@@ -225,6 +227,14 @@ export class View {
   screenshot(): Promise<Blob | null> {
     this.#render(performance.now());
     return new Promise((resolve) => this.#canvas.toBlob(resolve, "image/png"));
+  }
+
+  // A canvas stream has no frame while nothing is rendered, and a film has one size.
+  setRecorded(on: boolean): void {
+    this.#isRecorded = on;
+    // The first recorded frame has the size of the later ones.
+    if (on) this.#render(performance.now(), this.#resolution.current);
+    else this.#requestFrame();
   }
 
   #makeDraggable({ workspace }: Ready): void {
@@ -285,7 +295,7 @@ export class View {
       const now = performance.now();
       if (this.#scheduler.shouldDefer(now)) return void requestAnimationFrame(render);
       this.#isFrameRequested = false;
-      this.#render(now, this.#resolution.update(requested, now));
+      this.#render(now, this.#isRecorded ? this.#resolution.current : this.#resolution.update(requested, now));
     };
     requestAnimationFrame(render);
   }
@@ -304,8 +314,9 @@ export class View {
     this.#environment?.updateShadows(fraction >= 1);
     this.#renderer.render(this.#scene, this.#camera.camera);
     this.#canvas.dataset["drawn"] = String(this.#robot.length);
-    if (isMoving || isGhostMoving || isCameraMoving) this.#requestFrame();
+    if (isMoving || isGhostMoving || isCameraMoving || this.#isRecorded) this.#requestFrame();
     clearTimeout(this.#idleTimer);
+    if (this.#isRecorded) return;
     // Without antialiasing, two pixels per CSS pixel smooth the edges.
     const final = this.#isSoftware ? Math.max(1, 2 / Math.min(devicePixelRatio, 2)) : 1;
     if (fraction < final) this.#idleTimer = window.setTimeout(() => this.#render(performance.now(), final), IDLE_DELAY_MS);
