@@ -60,6 +60,17 @@ const layoutErrors = () => {
       if (part.matches("span") && part.scrollWidth > part.clientWidth) found.push(`${nameOf(part)} is truncated`);
     }
   }
+  // The label of a switch is one line.
+  for (const label of document.querySelectorAll(".panel .switch")) {
+    const range = document.createRange();
+    range.selectNodeContents(label);
+    const lines = new Set([...range.getClientRects()].filter(({ height }) => height < 20).map(({ top }) => Math.round(top)));
+    if (lines.size > 1) found.push(`${label.textContent} has ${lines.size} lines`);
+  }
+  // Controls of the browser would differ from the page's.
+  for (const select of document.querySelectorAll("select")) {
+    if (getComputedStyle(select).appearance !== "none") found.push(`${nameOf(select)} has the browser's style`);
+  }
   return found;
 };
 
@@ -69,6 +80,24 @@ test("controls fit and do not overlap at any window width", async () => {
   for (const width of [320, 390, 640, 700, 768, 800, 900, 960, 1060, 1440]) {
     await page.setViewportSize({ width, height: 800 });
     assert.deepEqual(await page.evaluate(layoutErrors), [], `${width} pixels wide`);
+  }
+  // A phone on its side, a small window, and a zoom of 200 % in a window of 1440 x 900.
+  for (const [width, height] of [[844, 390], [800, 600], [720, 450], [568, 320]]) {
+    await page.setViewportSize({ width, height });
+    assert.deepEqual(await page.evaluate(layoutErrors), [], `${width} x ${height}`);
+    await screenshot(page, `window-${width}x${height}`);
+    // The picture between the cameras and the dock.
+    const free = await page.evaluate(() => {
+      const bottom = document.querySelector(".cameras").getBoundingClientRect().bottom;
+      const top = document.querySelector(".sheet").getBoundingClientRect().top || document.querySelector(".dock").getBoundingClientRect().top;
+      return (top - bottom) / innerHeight;
+    });
+    assert.ok(free > 0.4, `${width} x ${height}: ${free} of the height is free`);
+  }
+  // The camera can bring the robot behind these texts.
+  for (const part of [".masthead", ".cameras"]) {
+    const color = await page.$eval(part, (element) => getComputedStyle(element).backgroundColor);
+    assert.ok(!/transparent|, 0\)|\/ 0\)/.test(color), `${part}: ${color}`);
   }
   await page.setViewportSize({ width: 768, height: 1024 });
   await screenshot(page, "tablet");
@@ -203,6 +232,13 @@ test("Space opens a focused section and does not pause", async () => {
   await page.focus("#diagnostics summary");
   await page.keyboard.press(" ");
   await page.waitForSelector("#diagnostics[open]");
+  // The section is at the lower end of the panel and scrolls into view.
+  await page.waitForFunction(() => {
+    const [section, panel] = ["diagnostics", "panel"].map((id) => document.getElementById(id).getBoundingClientRect());
+    return Math.abs(section.top - panel.top) < 40;
+  });
+  // A missing value is not a minus sign.
+  assert.deepEqual(new Set(await page.$$eval("#plots figcaption .is-number", (values) => values.map(({ textContent }) => textContent))), new Set(["n/a"]));
   // The value of a joint's bar is available as text.
   const bar = await page.waitForSelector(".joint[aria-valuetext]");
   assert.match(await bar.getAttribute("aria-valuetext"), /^-?\d\.\d\d rad \(limits -?\d\.\d\d to -?\d\.\d\d\)$/);

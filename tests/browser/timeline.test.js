@@ -57,6 +57,8 @@ test("policy internals are plotted for every joint and over time", async () => {
   await page.waitForFunction((ticks) => document.querySelector("#plots polyline").getAttribute("points").split(" ").length === ticks, ticks);
   const live = await lines();
   assert.equal(live.length, 7);
+  assert.match(await page.textContent("#plots .axis"), /^0\d+\.\d s$/);
+  assert.match(await page.textContent("#plots .axis-max"), /^[\d.]+(e[+-]\d+)?$/);
   assert.ok(live.every((points) => points.split(" ").length > 30), String(live));
   // Opening the plots after the attempt shows the same curves.
   await page.click("#diagnostics summary");
@@ -75,8 +77,8 @@ test("selected policy is loaded and kept after a reload", async () => {
   await untilReady(page);
   const untilLoaded = (id) => page.waitForFunction((id) => document.getElementById("model").textContent === `Loaded: ${id}`, id);
   await untilLoaded("default");
-  await page.focus("#policy");
-  await page.waitForSelector("#policy [value=mlp-pcd]", { state: "attached" });
+  // The lists are filled before they are opened.
+  for (const list of ["#policy", "#compare"]) await page.waitForSelector(`${list} [value=mlp-pcd]`, { state: "attached" });
   await page.selectOption("#policy", "mlp-pcd");
   await untilLoaded("mlp-pcd");
   assert.equal(new URL(page.url()).search, "?model=mlp-pcd");
@@ -297,6 +299,22 @@ test("share link reproduces the attempt, in the page and with ngf replay", async
   assert.equal(await other.textContent("#headline"), headline);
   assert.deepEqual(errors, []);
   await other.close();
+
+  // A link that a mail program has changed: "#" and "&" are escaped, and the parts are in another order.
+  const [address, fragment] = link.split("#");
+  const parts = fragment.split("&").reverse();
+  const { page: changed } = await newPage(served);
+  await changed.goto(`${address}%23${parts.join("&amp;")}`);
+  await changed.waitForFunction(() => document.getElementById("hash").textContent.endsWith("(matches the link)"));
+  assert.equal(await changed.getAttribute("#hash", "title"), hash);
+  await changed.goto("about:blank");
+  await changed.goto(`${address}#${encodeURIComponent(parts.slice(0, 5).join("&"))}`);
+  await changed.waitForSelector("[data-code=invalid_link]:has-text('changed on its way')");
+  await changed.close();
+  for (const escaped of [link.replace("#", "%23"), `${address}#${parts.join("&amp;")}`]) {
+    const printed = execFileSync(program, ["replay", escaped], { cwd: root, encoding: "utf8" }).trim().split("\n");
+    assert.deepEqual(printed, [headline, hash]);
+  }
 
   // In a tab with the demo already open.
   const { page: tab } = await visit(served);

@@ -1,7 +1,7 @@
 // Components shared by the Jobs page and the API page.
 
 import { ApiError } from "./api";
-import { h } from "./dom";
+import { h, withCode } from "./dom";
 import { byteSize } from "./numbers";
 import { RELOAD } from "./strings";
 
@@ -30,7 +30,7 @@ export function table(head: readonly string[], rows: (Node | string)[][], numeri
 }
 
 export function errorCard(message: string, hint: string, code: string): HTMLElement {
-  return h("article", { class: "failure", role: "alert" }, h("h2", {}, message), hint && h("p", {}, hint), code && h("code", {}, code));
+  return h("article", { class: "failure", role: "alert" }, h("h2", {}, message), hint && h("p", {}, ...withCode(hint)), code && h("code", {}, code));
 }
 
 // Card of a caught error: an API problem with its hint and code, or the error's text.

@@ -68,6 +68,11 @@ export function button(label: string, act: () => unknown, attributes: Attributes
   return created;
 }
 
+// Text with `code` between backticks, as nodes.
+export function withCode(text: string): (Node | string)[] {
+  return text.split("`").map((part, i) => (i % 2 === 1 ? h("code", {}, part) : part));
+}
+
 // Copies `text` (default: the text of `element`) and returns whether that succeeded. Pages served by plain HTTP from
 // another machine have no clipboard; the element's text is then selected for manual copying.
 export async function copyText(element: HTMLElement, text = element.textContent ?? ""): Promise<boolean> {

@@ -35,8 +35,10 @@ export function dateTime(time: string): string {
   return new Date(time).toLocaleString("en-GB", { dateStyle: "medium", timeStyle: "short" });
 }
 
-// Display text of an identifier: "sugar_box" becomes "Sugar box".
+// Display text of an identifier: "sugar_box" becomes "Sugar box". Names with a hyphen are those of policies, which
+// keep their spelling: "ngf-pcd".
 export function label(name: string): string {
+  if (name.includes("-")) return name;
   const words = name.replaceAll("_", " ");
   return words.charAt(0).toUpperCase() + words.slice(1);
 }

@@ -8,6 +8,7 @@ export interface Schema {
   type?: string | string[];
   description?: string;
   enum?: string[];
+  const?: unknown;
   examples?: string[];
   default?: unknown;
   minimum?: number;
@@ -45,8 +46,10 @@ export interface OpenApi {
 }
 
 export async function fetchOpenApi(): Promise<OpenApi> {
-  const response = await fetch(new URL("../openapi.json", location.href)).catch(() => null);
-  if (response?.ok && response.headers.get("content-type")?.includes("json")) return (await response.json()) as OpenApi;
+  const response = await fetch(new URL("../openapi.json", location.href)).catch((error: unknown) => {
+    throw new ApiError(noServer(String(error)));
+  });
+  if (response.ok && response.headers.get("content-type")?.includes("json")) return (await response.json()) as OpenApi;
   throw new ApiError(noServer(NO_SERVER.staticHost));
 }
 

@@ -1,12 +1,14 @@
 // Self-check of the browser features that the page uses, each with a hint; opened by ?check or from the
 // footer.
 
-import { h } from "../../common/dom";
+import { h, withCode } from "../../common/dom";
 import { VIDEO_FORMAT } from "../files/video_format";
 import { CHECK } from "./strings";
 
 interface Feature {
   name: string;
+  // Whether the page works without it.
+  isOptional?: boolean;
   isAvailable: boolean;
   detail: string;
   hint: string;
@@ -36,16 +38,20 @@ function detectFeatures(): Feature[] {
 }
 
 export function showBrowserCheck(): void {
-  const row = ({ name, isAvailable, detail, hint }: Feature) => {
-    const text = isAvailable ? detail || CHECK.available : hint;
-    return h("li", { class: isAvailable ? "is-good" : "is-bad" }, h("b", {}, name), h("span", {}, text));
+  const row = ({ name, isOptional, isAvailable, detail, hint }: Feature) => {
+    const text = isAvailable ? [detail || CHECK.available] : withCode(isOptional ? CHECK.optional(hint) : hint);
+    const state = isAvailable ? "is-good" : isOptional ? "is-optional" : "is-bad";
+    return h("li", { class: state }, h("b", {}, name), h("span", {}, ...text));
   };
   const features = detectFeatures();
-  const missing = features.filter(({ isAvailable }) => !isAvailable).length;
+  const missing = features.filter(({ isAvailable }) => !isAvailable);
+  const required = missing.filter(({ isOptional }) => !isOptional);
+  const summary =
+    required.length > 0 ? CHECK.missing(required.length) : missing.length > 0 ? CHECK.optionalMissing(missing.length) : CHECK.supported;
   const dialog = h(
     "dialog",
     { class: "check", "aria-label": CHECK.title },
-    h("h2", {}, missing === 0 ? CHECK.supported : CHECK.missing(missing, features.length)),
+    h("h2", {}, summary),
     h("ul", {}, ...features.map(row)),
     h("form", { method: "dialog" }, h("button", { class: "primary" }, CHECK.close)),
   );

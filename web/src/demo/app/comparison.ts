@@ -1,7 +1,7 @@
 // Comparison with a second policy: same object, pose and seed in a second worker and view.
 
 import { element } from "../../common/dom";
-import { fillOnFocus } from "../panel/policy_options";
+import { fillWithModels } from "../panel/policy_options";
 import type { View } from "../view/view";
 import type { FailureEvent } from "../worker/messages";
 import type { Outcome, WorkerRequest } from "../worker/protocol";
@@ -45,7 +45,7 @@ export class Comparison {
   constructor(page: EventBus, events: ComparisonEvents) {
     [this.#page, this.#events] = [page, events];
     this.#select.addEventListener("change", () => this.#start(this.#select.value));
-    fillOnFocus(this.#select);
+    fillWithModels(this.#select, page);
     page.on("sent", ({ request }) => this.#send(request));
     page.on("model", ({ id }) => this.#setFirst(id));
     page.on("outcome", (outcome) => this.#showOutcome(outcome));

@@ -21,7 +21,13 @@ interface Plot {
   series: [string, (sample: TelemetrySample) => number | null | undefined][];
   lines: SVGPolylineElement[];
   values: HTMLElement[];
+  // Labels of the axes: maximum value, last time.
+  max: HTMLElement;
+  end: HTMLElement;
 }
+
+// Control period (s).
+const TICK_S = 1 / 30;
 
 export class DiagnosticsPanel {
   readonly #details = element("diagnostics", HTMLDetailsElement);
@@ -34,7 +40,10 @@ export class DiagnosticsPanel {
 
   constructor(bus: EventBus, send: (request: WorkerRequest) => void) {
     this.#send = send;
-    this.#details.addEventListener("toggle", () => this.requestTelemetry());
+    this.#details.addEventListener("toggle", () => {
+      this.requestTelemetry();
+      if (this.#details.open) this.#details.scrollIntoView({ block: "start" });
+    });
     const { energy, terms, damping, margin } = DIAGNOSTICS.plots;
     this.#plots = [
       plot(energy, [["", (sample) => sample.energy]]),
@@ -103,7 +112,7 @@ export class DiagnosticsPanel {
   }
 
   // The x axis spans all ticks; the y axis extends from 0 to the maximum of all series.
-  #draw({ series, lines, values }: Plot, current: TelemetrySample | null, ticks: number): void {
+  #draw({ series, lines, values, max: maxLabel, end }: Plot, current: TelemetrySample | null, ticks: number): void {
     const curves = series.map(([, value]) => {
       const points: [number, number][] = [];
       this.#samples.forEach((sample, tick) => {
@@ -113,11 +122,14 @@ export class DiagnosticsPanel {
       return points;
     });
     const max = Math.max(1e-9, ...curves.flat().map(([, y]) => y));
+    const isEmpty = curves.every((points) => points.length === 0);
+    maxLabel.textContent = isEmpty ? "" : max.toPrecision(3);
+    end.textContent = isEmpty ? "" : DIAGNOSTICS.seconds((ticks * TICK_S).toFixed(1));
     const toSvg = ([tick, y]: [number, number]) => `${((100 * tick) / Math.max(1, ticks)).toFixed(2)},${(29 - (28 * y) / max).toFixed(2)}`;
     curves.forEach((points, i) => {
       lines[i]!.setAttribute("points", points.map(toSvg).join(" "));
       const now = current && series[i]![1](current);
-      values[i]!.textContent = typeof now === "number" ? now.toPrecision(3) : "–";
+      values[i]!.textContent = typeof now === "number" ? now.toPrecision(3) : DIAGNOSTICS.noValue;
     });
   }
 }
@@ -129,6 +141,8 @@ function plot({ name, unit }: { name: string; unit: string }, series: Plot["seri
   const frame = { viewBox: "0 0 100 30", preserveAspectRatio: "none", "aria-hidden": "true" };
   const hasLegend = series.length > 1;
   const caption = h("figcaption", {}, name, hasLegend ? ` (${unit})` : "", " ", ...legend, hasLegend ? "" : ` ${unit}`);
-  element("plots", HTMLElement).append(h("figure", {}, caption, svg("svg", frame, ...lines)));
-  return { series, lines, values };
+  const [max, end] = [h("span", { class: "axis-max" }), h("span")];
+  const axis = h("div", { class: "axis", "aria-hidden": "true" }, h("span", {}, "0"), end);
+  element("plots", HTMLElement).append(h("figure", {}, caption, max, svg("svg", frame, ...lines), axis));
+  return { series, lines, values, max, end };
 }

@@ -1,7 +1,7 @@
 // Error cards: message, hint and code of a failure. A card stays until the user closes it or the cause is
 // resolved.
 
-import { copyText, element } from "../../common/dom";
+import { copyText, element, withCode } from "../../common/dom";
 import { ERRORS } from "../app/strings";
 import type { FailureEvent } from "../worker/messages";
 import { DOWNLOAD_FAILED, isFatal } from "../worker/worker_client";
@@ -43,7 +43,7 @@ export class ErrorCards {
     card.classList.toggle("is-fatal", isFatal(failure));
     const part = (selector: string) => card.querySelector<HTMLElement>(selector)!;
     part("h2").textContent = message;
-    part("p").textContent = hint;
+    part("p").replaceChildren(...withCode(hint));
     part("code").textContent = code;
     part(".close").hidden = isFatal(failure);
     part(".close").addEventListener("click", () => card.remove());

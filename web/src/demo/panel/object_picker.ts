@@ -22,6 +22,9 @@ export interface ObjectEvents {
   notStored(file: File): void;
 }
 
+// Characters at the end of a name that are always shown: files of a series differ there.
+const NAME_END = 8;
+
 // The user's mesh in the list.
 interface MeshEntry {
   file: File;
@@ -134,7 +137,9 @@ export class ObjectPicker {
       this.#remove.hidden = true;
       onSelect();
     };
-    return h("label", { title: label }, h("input", { type: "radio", name: "object", value, change }), h("span", {}, label));
+    const [start, end] = [label.slice(0, -NAME_END), label.slice(-NAME_END)];
+    const name = h("span", { class: "name" }, h("span", {}, start), end);
+    return h("label", { title: label }, h("input", { type: "radio", name: "object", value, change }), name);
   }
 
   // Stores the import options with a file.

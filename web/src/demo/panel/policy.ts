@@ -3,7 +3,7 @@
 import { element, h } from "../../common/dom";
 import type { EventBus } from "../app/event_bus";
 import { COMPARISON } from "../app/strings";
-import { addOption, fillOnFocus } from "./policy_options";
+import { addOption, fillWithModels } from "./policy_options";
 
 export class PolicyPicker {
   readonly #select = element("policy", HTMLSelectElement);
@@ -11,7 +11,7 @@ export class PolicyPicker {
   constructor(bus: EventBus, requested: string, onSelect: (id: string) => void) {
     addOption(this.#select, requested);
     this.#select.value = requested;
-    fillOnFocus(this.#select);
+    fillWithModels(this.#select, bus);
     this.#select.addEventListener("change", () => {
       this.#clearLink();
       onSelect(this.#select.value);

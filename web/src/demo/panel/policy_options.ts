@@ -1,9 +1,21 @@
-// Options of policy selection lists. The list of models is fetched when a select element gets the focus.
+// Options of policy selection lists. The list of models is fetched once the first policy is loaded, and again when a
+// select element gets the focus.
 
 import { h } from "../../common/dom";
+import type { EventBus } from "../app/event_bus";
 
-export function fillOnFocus(select: HTMLSelectElement): void {
+type Models = { id: string; kind?: string }[];
+
+// Request in progress, shared by the lists.
+let request: Promise<Models> | null = null;
+
+export function fillWithModels(select: HTMLSelectElement, bus: EventBus): void {
   const fill = () => void addModels(select);
+  let isFilled = false;
+  bus.on("model", () => {
+    if (!isFilled) fill();
+    isFilled = true;
+  });
   select.addEventListener("pointerdown", fill);
   select.addEventListener("focus", fill);
 }
@@ -15,15 +27,19 @@ export function addOption(select: HTMLSelectElement, id: string): void {
 }
 
 async function addModels(select: HTMLSelectElement): Promise<void> {
-  // From the server's API. A static host has the list of the models that were built into the site.
-  const models = (await fetchModels("api/v1/models")) ?? (await fetchModels("models/index.json")) ?? [];
-  for (const { id, kind } of models) if (kind !== "encoder") addOption(select, id);
+  request ??= fetchAllModels().finally(() => (request = null));
+  for (const { id, kind } of await request) if (kind !== "encoder") addOption(select, id);
 }
 
-async function fetchModels(url: string): Promise<{ id: string; kind?: string }[] | null> {
+// From the server's API. A static host has the list of the models that were built into the site.
+async function fetchAllModels(): Promise<Models> {
+  return (await fetchModels("api/v1/models")) ?? (await fetchModels("models/index.json")) ?? [];
+}
+
+async function fetchModels(url: string): Promise<Models | null> {
   try {
     const response = await fetch(url);
-    return response.ok ? ((await response.json()) as { data: { id: string; kind?: string }[] }).data : null;
+    return response.ok ? ((await response.json()) as { data: Models }).data : null;
   } catch {
     return null;
   }
