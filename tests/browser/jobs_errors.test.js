@@ -16,7 +16,7 @@ test("server without jobs shows the command to start one", async (t) => {
   t.after(() => server.kill());
   const { page, errors } = await newPage({ address, browser: jobs.served.browser });
   await page.goto(`${address}/jobs/`);
-  assert.match(await page.textContent(".failure"), /jobs are disabled.*Start one with .ngf serve --data-dir DIR/);
+  assert.match(await page.textContent(".failure"), /jobs are disabled.*Start one with ngf serve --data-dir DIR/);
   // Views that need no jobs work.
   await page.click(".tabs a:has-text('Models')");
   await page.waitForSelector("td:has-text('default')");
@@ -243,12 +243,17 @@ test("page catches up after the server was killed and restarted", async () => {
   await page.waitForSelector("[data-state=live]");
   jobs.served.server.kill("SIGKILL");
   await page.waitForSelector("[data-state=lost]");
+  // Views that are opened without a server appear once it is back.
+  await page.click("text=New job");
+  await page.waitForSelector(".new-job .failure:has-text('No job server reachable')");
   const port = new URL(jobs.served.address).port;
   const restarted = await serve({ port, data: join(jobs.folder, "data") });
   jobs.served.server = restarted.server;
   const { close } = jobs.served;
   jobs.served.close = async () => (await close(), restarted.server.kill());
   await page.waitForSelector("[data-state=live]");
+  await page.waitForSelector(".new-job [data-param=preset]");
+  await page.evaluate((id) => (location.hash = `#jobs/${id}`), id);
   await untilStatus(page, "succeeded");
   await page.close();
 });

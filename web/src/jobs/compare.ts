@@ -10,22 +10,36 @@ import { type Job, title } from "./types";
 import type { View } from "./main_view";
 
 export class Comparison implements View {
-  readonly element = h("article", {}, h("h1", {}, COMPARISON.title));
+  readonly element = h("article");
+  readonly #feed: JobFeed;
+  readonly #ids: string[];
+  // A job could not be fetched.
+  #hasFailed = false;
   #charts: Charts | null = null;
   #unsubscribe: (() => void) | null = null;
   #isClosed = false;
 
   constructor(feed: JobFeed, ids: string[]) {
-    void this.#open(feed, ids);
+    [this.#feed, this.#ids] = [feed, ids];
+    void this.#open();
+  }
+
+  retry(): void {
+    if (!this.#hasFailed) return;
+    this.#release();
+    void this.#open();
   }
 
   // Compares the jobs that could be fetched and shows an error for each other one.
-  async #open(feed: JobFeed, ids: string[]): Promise<void> {
-    const fetched = await Promise.allSettled(ids.map(async (id) => feed.jobs.get(id) ?? (await feed.fetch(id))));
+  async #open(): Promise<void> {
+    this.#hasFailed = false;
+    const feed = this.#feed;
+    const fetched = await Promise.allSettled(this.#ids.map(async (id) => feed.jobs.get(id) ?? (await feed.fetch(id))));
     if (this.#isClosed) return;
     const jobs = fetched.flatMap((result) => (result.status === "fulfilled" ? [result.value] : []));
     const errors = fetched.flatMap((result) => (result.status === "rejected" ? [caughtErrorCard(result.reason)] : []));
-    this.element.append(...errors);
+    this.#hasFailed = errors.length > 0;
+    this.element.replaceChildren(h("h1", {}, COMPARISON.title), ...errors);
     if (jobs.length === 0) return;
     this.#charts = new Charts(feed, jobs);
     const chips = new Map(jobs.map(({ id, status }) => [id, statusChip(status)]));
@@ -39,6 +53,10 @@ export class Comparison implements View {
 
   close(): void {
     this.#isClosed = true;
+    this.#release();
+  }
+
+  #release(): void {
     this.#charts?.close();
     this.#unsubscribe?.();
   }

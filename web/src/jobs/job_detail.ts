@@ -237,8 +237,20 @@ function outputLinks(job: Job): HTMLElement | string {
   if (dataset_id) pairs.push([FACTS.dataset, link(`datasets/${dataset_id}`, dataset_id)]);
   if (model_id) pairs.push([FACTS.model, link(`models/${model_id}`, model_id)]);
   if (model_id && job.kind === "policy.train") pairs.push([FACTS.demo, demoLink(`model=${model_id}`, DEMO.tryIt)]);
+  const next = nextStep(job);
+  if (next) pairs.push([FACTS.next, next]);
   if (pairs.length > 0) return factList(pairs);
   return ENDED.includes(job.status) ? "" : JOB.noOutputs;
+}
+
+// Form of the job that uses the outputs of this one.
+function nextStep({ kind, params, outputs: { dataset_id, model_id } }: Job): HTMLElement | null {
+  const form = (kind: string, values: Record<string, string>) =>
+    link(`new?${new URLSearchParams({ kind, ...values })}`, KINDS[kind] ?? kind);
+  if (dataset_id) return form("encoder.train", { dataset_id });
+  if (!model_id) return null;
+  if (kind === "policy.train") return form("policy.evaluate", { model_id });
+  return form("policy.train", { dataset_id: String(params["dataset_id"]), encoder_id: model_id });
 }
 
 function fileList(artifacts: Artifact[]): HTMLElement | null {

@@ -9,6 +9,7 @@ import { JobDetail } from "./job_detail";
 import { JobFeed } from "./job_feed";
 import { JobList } from "./job_list";
 import { NewJobForm } from "./new_job_form";
+import { PipelineRun } from "./pipeline_run";
 import { dataset, datasets, meshes, model, models } from "./resources";
 import { CONNECTION, LIST } from "./strings";
 import type { View } from "./main_view";
@@ -20,6 +21,7 @@ const list = new JobList(feed, (ids) => {
   else if (location.hash.startsWith("#compare")) location.hash = `#jobs/${ids[0] ?? ""}`;
 });
 let view: View | null = null;
+const pipeline = new PipelineRun(feed, (error) => main.prepend(caughtErrorCard(error)));
 // Error to show instead of the job list if no job server is available.
 let serverError: ApiError | null = null;
 showActionErrors(main);
@@ -29,6 +31,7 @@ feed.listen({
   connection: (state) => {
     connection.textContent = CONNECTION[state];
     connection.dataset["state"] = state;
+    if (state === "live") view?.retry?.();
   },
 });
 
@@ -38,7 +41,7 @@ function viewOf(route: string): View | null {
   const [section, id = ""] = path.split("/");
   switch (section) {
     case "new":
-      return new NewJobForm(feed, new URLSearchParams(query));
+      return new NewJobForm(feed, pipeline, new URLSearchParams(query));
     case "compare": {
       const ids = id.split(",").slice(0, 6);
       list.mark(ids);
@@ -59,7 +62,8 @@ function show(): void {
   const route = location.hash.slice(1);
   view?.close?.();
   view = viewOf(route);
-  const placeholder = () => (serverError ? caughtErrorCard(serverError) : h("p", { class: "empty hint" }, LIST.choose));
+  const empty = () => h("div", { class: "empty" }, h("p", { class: "hint" }, LIST.choose), pipeline.panel());
+  const placeholder = () => (serverError ? caughtErrorCard(serverError) : empty());
   main.replaceChildren(view?.element ?? placeholder());
   main.scrollTop = 0;
   document.body.classList.toggle("has-main-view", view !== null || serverError !== null);
@@ -86,6 +90,12 @@ addEventListener("hashchange", () => {
   show();
   // The previous view may have contained the focus.
   if (isFromList || document.activeElement === document.body) main.focus({ preventScroll: true });
+});
+
+// A link to the current route fires no event.
+document.addEventListener("click", ({ target }) => {
+  const link = (target as Element).closest<HTMLAnchorElement>("a[href^='#']");
+  if (link && link.hash === location.hash) view?.retry?.();
 });
 
 try {

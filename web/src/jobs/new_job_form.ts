@@ -1,20 +1,19 @@
 // Form for a new job, generated from the server's OpenAPI description. Input is validated and estimated on change.
 
-import { API, ApiError, requestJson } from "../common/api";
+import { API, ApiError, type Problem, requestJson } from "../common/api";
 import { button, h } from "../common/dom";
-import { caughtErrorCard } from "../common/components";
-import { fetchOpenApi, objectProperties, type OpenApi, type Schema } from "../common/openapi";
-import { byteSize, duration, label, number } from "../common/numbers";
+import { caughtErrorCard, errorCard } from "../common/components";
+import { fetchOpenApi, objectProperties, type OpenApi, resolve, type Schema } from "../common/openapi";
+import { byteSize, duration, number } from "../common/numbers";
 import { COPY_AS_CURL } from "../common/strings";
 import { copyCommand, tokenHeader } from "../common/curl";
+import { createField, type Field, fieldOrder, parameterLabel, requiredNames, setValue, valueOf } from "./form_fields";
 import type { JobFeed } from "./job_feed";
-import { fetchAll } from "./paginated_table";
 import { KINDS } from "./kinds";
-import { DATASETS, FORM, PARAMETERS } from "./strings";
+import { type PipelineRun, randomKey } from "./pipeline_run";
+import { FORM } from "./strings";
 import { type Job, title } from "./types";
 import type { View } from "./main_view";
-
-type Field = HTMLInputElement | HTMLSelectElement;
 
 // Delay between the last input and its validation.
 const VALIDATION_DELAY_MS = 350;
@@ -22,20 +21,10 @@ const VALIDATION_DELAY_MS = 350;
 // Longer hints are shown below the field (characters).
 const MAX_INLINE_HINT = 70;
 
-type ServerRecord = { id: string } & Record<string, unknown>;
-
-// Parameters that refer to a record: list path and option text.
-const RECORDS: Record<string, { path: string; label: (record: ServerRecord) => string }> = {
-  dataset_id: { path: "datasets", label: ({ id, config }) => `${String(id)}, ${datasetObjects(config)}` },
-  encoder_id: { path: "models", label: modelLabel },
-  model_id: { path: "models", label: modelLabel },
-  mesh_id: { path: "meshes", label: ({ name }) => String(name) },
-};
-
 export class NewJobForm implements View {
-  readonly element = h("article", { class: "new-job" }, h("h1", {}, FORM.title));
+  readonly element = h("article", { class: "new-job" });
   readonly #feed: JobFeed;
-  readonly #kinds = h("fieldset", { class: "kinds" }, h("legend", { class: "visually-hidden" }, FORM.kind));
+  readonly #kinds = h("fieldset", { class: "kinds" });
   readonly #fields = h("div", { class: "fields" });
   readonly #estimate = h("p", { class: "estimate", role: "status" });
   readonly #error = h("div");
@@ -43,6 +32,11 @@ export class NewJobForm implements View {
   readonly #copyStatus = h("p", { class: "hint copy-status", role: "status" });
   readonly #name = h("input", { type: "text", maxlength: 200, placeholder: FORM.optional });
   readonly #inputs = new Map<string, Field>();
+  readonly #query: URLSearchParams;
+  readonly #content: HTMLElement[];
+  // Parameters of the shown kind, and those that its schema requires.
+  #properties: Record<string, Schema> = {};
+  #required: string[] = [];
   #api: OpenApi | null = null;
   #kind = Object.keys(KINDS)[0]!;
   #timer = 0;
@@ -50,12 +44,16 @@ export class NewJobForm implements View {
   // Idempotency key of the current input: a request that is repeated after a lost response creates one job.
   #key = randomKey();
   #isClosed = false;
+  // The form, or the fields of this kind, could not be built.
+  #hasFailed = false;
+  #failedKind: string | null = null;
 
-  constructor(feed: JobFeed, query: URLSearchParams) {
-    this.#feed = feed;
+  constructor(feed: JobFeed, pipeline: PipelineRun, query: URLSearchParams) {
+    [this.#feed, this.#query] = [feed, query];
     const submit = button(FORM.start, () => this.#submit(), { class: "primary" });
     const copy = button(COPY_AS_CURL, () => this.#copy());
-    this.element.append(
+    this.#content = [
+      pipeline.panel(),
       this.#kinds,
       h("label", { class: "line" }, h("span", {}, FORM.name), this.#name),
       this.#fields,
@@ -64,9 +62,16 @@ export class NewJobForm implements View {
       h("div", { class: "actions" }, submit, copy),
       this.#copyStatus,
       this.#command,
-    );
+    ];
     this.element.addEventListener("input", () => this.#scheduleValidation());
-    void this.#open(query);
+    void this.#open();
+  }
+
+  // Builds the form again if the server was not reachable, otherwise validates the input again.
+  retry(): void {
+    if (this.#hasFailed) void this.#open();
+    else if (this.#failedKind !== null) void this.#changeKind(this.#failedKind);
+    else if (this.#api) void this.#validate();
   }
 
   close(): void {
@@ -74,13 +79,17 @@ export class NewJobForm implements View {
     clearTimeout(this.#timer);
   }
 
-  async #open(query: URLSearchParams): Promise<void> {
+  async #open(): Promise<void> {
+    this.#hasFailed = false;
+    this.element.replaceChildren(h("h1", {}, FORM.title), ...this.#content);
+    const query = this.#query;
     try {
       this.#api = await fetchOpenApi();
       const clone = query.get("clone");
       const original = clone ? (this.#feed.jobs.get(clone) ?? (await this.#feed.fetch(clone))) : null;
       this.#kind = original?.kind ?? query.get("kind") ?? this.#kind;
       if (original) this.#name.value = FORM.copyOf(title(original));
+      this.#kinds.replaceChildren(h("legend", { class: "visually-hidden" }, FORM.kind));
       for (const [value, text] of Object.entries(KINDS)) {
         const input = h("input", { type: "radio", name: "kind", value, change: () => void this.#changeKind(value) });
         input.checked = value === this.#kind;
@@ -88,16 +97,19 @@ export class NewJobForm implements View {
       }
       await this.#showFields(this.#kind, original?.params ?? Object.fromEntries(query));
     } catch (error) {
+      this.#hasFailed = true;
       this.element.replaceChildren(h("h1", {}, FORM.title), caughtErrorCard(error));
     }
   }
 
   // Shows the fields of another kind, or the error if its options cannot be fetched.
   async #changeKind(kind: string): Promise<void> {
+    this.#failedKind = null;
     try {
       await this.#showFields(kind, {});
     } catch (error) {
       if (this.#kind !== kind) return;
+      this.#failedKind = kind;
       this.#inputs.clear();
       this.#fields.replaceChildren();
       this.#showError(error);
@@ -107,23 +119,20 @@ export class NewJobForm implements View {
   async #showFields(kind: string, values: Record<string, unknown>): Promise<void> {
     this.#kind = kind;
     const { properties, required } = this.#schema(kind);
-    const names = Object.keys(properties).sort((a, b) => order(a, required) - order(b, required));
-    const fields = await Promise.all(names.map(async (name) => [name, await this.#field(name, properties[name]!)] as const));
+    const names = Object.keys(properties).sort((a, b) => fieldOrder(a, required) - fieldOrder(b, required));
+    const fields = await Promise.all(names.map(async (name) => [name, await createField(this.element, name, properties[name]!)] as const));
     // The user may have chosen another kind meanwhile.
     if (this.#kind !== kind) return;
+    [this.#properties, this.#required] = [properties, required];
     this.#inputs.clear();
     this.#fields.replaceChildren();
     for (const [name, input] of fields) {
-      const value = values[name];
-      if (value != null) {
-        if (input instanceof HTMLInputElement && input.type === "checkbox") input.checked = value === true;
-        else input.value = String(value);
-      }
+      setValue(input, values[name]);
       this.#inputs.set(name, input);
       const hint = (properties[name]?.description ?? "").replaceAll("`", "");
       const note = h("small", { class: hint.length > MAX_INLINE_HINT ? "hint is-long" : "hint", id: `hint-${name}` }, hint);
       // The hint is inside the label element but not part of the field's name.
-      const text = h("span", { id: `label-${name}` }, PARAMETERS[name] ?? label(name));
+      const text = h("span", { id: `label-${name}` }, parameterLabel(name));
       input.setAttribute("aria-labelledby", text.id);
       input.setAttribute("aria-describedby", note.id);
       this.#fields.append(h("label", { class: "line", "data-param": name }, text, input, note));
@@ -131,50 +140,35 @@ export class NewJobForm implements View {
     await this.#validate();
   }
 
+  // Schema of the parameters of a kind, which the request states by a constant or a single enum value.
   #schema(kind: string): ReturnType<typeof objectProperties> {
     const api = this.#api!;
-    const tasks = api.components.schemas["JobTask"]?.oneOf ?? [];
-    const task = tasks.find(({ properties }) => properties?.["kind"]?.enum?.includes(kind));
-    return objectProperties(api, task?.properties?.["params"] ?? {});
-  }
-
-  async #field(name: string, schema: Schema): Promise<Field> {
-    const types = [schema.type ?? []].flat();
-    const records = RECORDS[name];
-    if (records || schema.enum) {
-      const options = records ? await recordOptions(name, records) : schema.enum!.map((value): [string, string] => [value, label(value)]);
-      const select = h("select");
-      if (types.includes("null")) select.append(h("option", { value: "" }, "–"));
-      for (const [value, text] of options) select.append(h("option", { value }, text));
-      if (typeof schema.default === "string") select.value = schema.default;
-      return select;
-    }
-    if (types.includes("boolean")) return h("input", { type: "checkbox" });
-    if (types.includes("integer") || types.includes("number")) {
-      return h("input", {
-        type: "number",
-        step: types.includes("integer") ? 1 : "any",
-        min: schema.minimum ?? null,
-        max: schema.maximum ?? null,
-        inputmode: "decimal",
-      });
-    }
-    const list = h("datalist", { id: `examples-${name}` }, ...(schema.examples ?? []).map((value) => h("option", { value })));
-    document.getElementById(list.id)?.remove();
-    this.element.append(list);
-    return h("input", { type: "text", list: list.id, autocomplete: "off" });
+    const { JobRequest, JobTask } = api.components.schemas;
+    const tasks = [JobRequest, JobTask].flatMap((schema) => schema?.oneOf ?? []).map((task) => objectProperties(api, task).properties);
+    const task = tasks.find(({ kind: name }) => name?.enum?.includes(kind) || name?.const === kind);
+    return objectProperties(api, task?.["params"] ?? {});
   }
 
   #body(): Record<string, unknown> {
-    const params: Record<string, unknown> = {};
-    for (const [name, input] of this.#inputs) {
-      if (input instanceof HTMLInputElement && input.type === "checkbox") {
-        if (input.checked) params[name] = true;
-      } else if (input.value !== "") {
-        params[name] = input instanceof HTMLInputElement && input.type === "number" ? input.valueAsNumber : input.value;
-      }
-    }
+    const values = [...this.#inputs].map(([name, input]) => [name, valueOf(input, resolve(this.#api!, this.#properties[name] ?? {}))]);
+    const params = Object.fromEntries(values.filter(([, value]) => value !== undefined)) as Record<string, unknown>;
     return { kind: this.#kind, params, ...(this.#name.value && { name: this.#name.value }) };
+  }
+
+  // Marks the required fields; returns those that are empty.
+  #markRequired(): Field[] {
+    const required = requiredNames(this.#required, this.#inputs);
+    for (const [name, input] of this.#inputs) {
+      input.required = required.includes(name);
+      input.closest(".line")?.classList.toggle("is-required", input.required);
+    }
+    return [...this.#inputs.values()].filter((input) => input.required && input.value === "");
+  }
+
+  // Name of the parameter of a field.
+  #labelOf(field: Field): string {
+    const [name] = [...this.#inputs].find(([, input]) => input === field)!;
+    return parameterLabel(name);
   }
 
   #scheduleValidation(): void {
@@ -189,6 +183,12 @@ export class NewJobForm implements View {
   // Validates the input by a dry run and shows the estimate and default values.
   async #validate(): Promise<void> {
     const request = ++this.#numRequests;
+    const missing = this.#markRequired();
+    if (missing.length > 0) {
+      this.#showError(null);
+      this.#estimate.textContent = FORM.missing(missing.map((field) => this.#labelOf(field)));
+      return;
+    }
     try {
       const job = await requestJson<Job>("jobs?dry_run=true", "POST", this.#body(), { skipTokenDialog: true });
       if (request !== this.#numRequests) return;
@@ -219,13 +219,19 @@ export class NewJobForm implements View {
     }
     if (error) {
       this.#estimate.textContent = "";
-      this.#error.replaceChildren(caughtErrorCard(error));
+      this.#error.replaceChildren(problem?.errors ? invalidInputCard(problem, this.#inputs) : caughtErrorCard(error));
     }
   }
 
   async #submit(): Promise<void> {
     // Cancels pending validation.
     clearTimeout(this.#timer);
+    const missing = this.#markRequired();
+    if (missing.length > 0) {
+      await this.#validate();
+      for (const field of missing) field.setAttribute("aria-invalid", "true");
+      return missing[0]!.focus();
+    }
     this.#numRequests += 1;
     try {
       const job = await requestJson<Job>("jobs", "POST", this.#body(), { headers: { "Idempotency-Key": this.#key } });
@@ -246,32 +252,13 @@ export class NewJobForm implements View {
   }
 }
 
-// `randomUUID` is unavailable on pages served by plain HTTP.
-function randomKey(): string {
-  return [...crypto.getRandomValues(new Uint32Array(4))].map((part) => part.toString(36)).join("-");
-}
-
-// Sort key of a field: required parameters first, threads and seed last.
-function order(name: string, required: string[]): number {
-  if (required.includes(name)) return 0;
-  const first = ["preset", "policy", "object", "mesh_id", "mass_kg", "density_kg_m3", "attempts", "controls", "steps"].indexOf(name);
-  const last = ["checkpoint_every", "threads", "seed"].indexOf(name);
-  return last >= 0 ? 50 + last : first >= 0 ? 1 + first : 20;
-}
-
-async function recordOptions(name: string, { path, label: text }: (typeof RECORDS)[string]): Promise<[string, string][]> {
-  const all = await fetchAll<ServerRecord>(path);
-  // An encoder is not a policy.
-  const records = name === "model_id" ? all.filter(({ kind }) => kind !== "encoder") : all;
-  const options = records.map((record): [string, string] => [record.id, text(record)]);
-  return name === "model_id" ? [...options, ["planner", FORM.planner]] : options;
-}
-
-function modelLabel({ id, kind, step }: Record<string, unknown>): string {
-  return [String(id), kind, step == null ? null : FORM.step(String(step))].filter(Boolean).join(", ");
-}
-
-function datasetObjects(config: unknown): string {
-  const objects = (config as { objects?: string[] } | undefined)?.objects ?? [];
-  return objects.length > 3 ? DATASETS.objects(objects.length) : objects.map(label).join(", ");
+// Card of a rejected parameter, in the words of the form. The hint is omitted: it refers to the API.
+function invalidInputCard({ errors = [], code, request_id }: Problem, inputs: ReadonlyMap<string, Field>): HTMLElement {
+  const inForm = (name: string) => (inputs.has(name) ? parameterLabel(name) : name);
+  const sentences = errors.map(({ param, detail }) => {
+    const name = param.split(".").pop()!;
+    const text = detail.replace(`${param}: `, "").replaceAll(/\b[a-z0-9]+(_[a-z0-9]+)+\b/g, inForm);
+    return `${parameterLabel(name)}: ${text}.`;
+  });
+  return errorCard(sentences.join(" "), "", [code, request_id].filter(Boolean).join(" "));
 }

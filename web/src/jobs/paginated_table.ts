@@ -19,10 +19,26 @@ export class PaginatedTable<T> {
   readonly #source: TableSource<T>;
   readonly #more = button(TABLE.more, () => this.#loadNext());
   #last: T | null = null;
+  #hasFailed = false;
 
   constructor(source: TableSource<T>) {
     this.#source = source;
-    this.reload().catch((error: unknown) => this.element.replaceChildren(caughtErrorCard(error)));
+    void this.#open();
+  }
+
+  async #open(): Promise<void> {
+    this.#hasFailed = false;
+    try {
+      await this.reload();
+    } catch (error) {
+      this.#hasFailed = true;
+      this.element.replaceChildren(caughtErrorCard(error));
+    }
+  }
+
+  // Repeats a failed request for the first page.
+  retry(): void {
+    if (this.#hasFailed) void this.#open();
   }
 
   // Shows the first page.

@@ -16,11 +16,23 @@ import type { View } from "./main_view";
 // View whose content appears once it has been fetched.
 function asyncView(load: () => Promise<Node[]>): View {
   const element = h("article");
-  load().then(
-    (nodes) => element.append(...nodes),
-    (error: unknown) => element.append(caughtErrorCard(error)),
-  );
-  return { element };
+  let hasFailed = true;
+  const show = async () => {
+    hasFailed = false;
+    try {
+      element.replaceChildren(...(await load()));
+    } catch (error) {
+      hasFailed = true;
+      element.replaceChildren(caughtErrorCard(error));
+    }
+  };
+  void show();
+  return { element, retry: () => void (hasFailed && show()) };
+}
+
+// View of a table below its heading.
+function tableView<T>(title: string, records: PaginatedTable<T>, ...above: HTMLElement[]): View {
+  return { element: h("article", {}, h("h1", {}, title), ...above, records.element), retry: () => records.retry() };
 }
 
 interface DatasetRecord {
@@ -57,7 +69,7 @@ export function datasets(): View {
     table: (page) => table(DATASETS.head, page.map(row), [2, 3]),
     none: DATASETS.none,
   });
-  return { element: h("article", {}, h("h1", {}, DATASETS.title), records.element) };
+  return tableView(DATASETS.title, records);
 }
 
 export function dataset(id: string): View {
@@ -128,7 +140,7 @@ export function models(): View {
     table: (page) => table(MODELS.head, page.map(row), [2]),
     none: MODELS.none,
   });
-  return { element: h("article", {}, h("h1", {}, MODELS.title), records.element) };
+  return tableView(MODELS.title, records);
 }
 
 function withJob({ job, reports }: { job: string; reports: Evaluation[] }): Evaluation[] {
@@ -189,7 +201,7 @@ export function meshes(): View {
     input.value = "";
   });
   const hint = h("p", { class: "hint" }, MESHES.hint);
-  return { element: h("article", {}, h("h1", {}, MESHES.title), hint, h("p", {}, input), errors, records.element) };
+  return tableView(MESHES.title, records, hint, h("p", {}, input), errors);
 }
 
 function meshTable(records: MeshRecord[], reload: () => Promise<void>): HTMLElement {

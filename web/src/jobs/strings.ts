@@ -63,6 +63,7 @@ export const FACTS = {
   dataset: "Dataset",
   model: "Model",
   demo: "Demo",
+  next: "Next",
   step: "Step",
   seed: "Seed",
   size: "Size",
@@ -150,6 +151,8 @@ export const COMPARISON = {
 // Form of a new job. The server describes the parameters.
 export const FORM = {
   title: "New job",
+  noChoice: "none",
+  missing: (names: string[]) => `Required: ${names.join(", ")}.`,
   kind: "Job kind",
   name: "Name",
   optional: "optional",
@@ -159,6 +162,13 @@ export const FORM = {
   tokenRequired: "The server requires a token to start a job or to estimate its cost.",
   planner: "planner (no policy; known object and pose)",
   step: (step: string) => `step ${step}`,
+} as const;
+
+// Run of all four jobs.
+export const PIPELINE = {
+  start: "Run the whole pipeline",
+  description: "At toy size, in about a minute: generates a dataset, trains an encoder and a policy, evaluates the policy. The policy does not work; it shows the steps.",
+  job: (step: number, total: number) => `Toy pipeline, ${step} of ${total}`,
 } as const;
 
 export const PARAMETERS: Record<string, string> = {
