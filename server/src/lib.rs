@@ -1,9 +1,10 @@
 //! HTTP server: the built page, the models that it runs, and jobs that generate datasets and train policies.
 //!
-//! In: a folder with the page, one with models and, for jobs, a data folder. Out: one axum `Router`. Opens no
-//! socket: `ngf serve` binds it to an address. Runs no simulation and no training: each job is a separate
+//! In: a folder with the page, one with models and, for jobs, a data folder. Out: one axum `Router`. `ngf
+//! serve` binds a listener, on which [`serve`] accepts connections. Runs no simulation and no training: each job is a separate
 //! worker process, `ngf-worker`, that reports to this server.
 
+mod connections;
 mod extract;
 mod jobs;
 mod metrics;
@@ -24,6 +25,7 @@ use tower_http::catch_panic::CatchPanicLayer;
 use tower_http::map_request_body::MapRequestBodyLayer;
 use tower_http::timeout::RequestBodyTimeoutLayer;
 
+pub use connections::serve;
 pub use jobs::scheduler;
 pub use problem::{Problem, ProblemCode};
 pub use quotas::Quotas;

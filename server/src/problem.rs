@@ -1,15 +1,13 @@
 //! Error responses: `application/problem+json` (RFC 9457).
 
 mod code;
+mod response;
 
 pub use code::ProblemCode;
 
 use crate::jobs::Job;
-use crate::store::StoreError;
-use axum::Json;
-use axum::http::{HeaderValue, StatusCode, header};
-use axum::response::{IntoResponse, Response};
-use serde_json::json;
+use crate::store::is_full;
+use axum::http::StatusCode;
 use std::time::Duration;
 
 /// An error, for programs (`code`) and for users (`detail`, `hint`).
@@ -50,8 +48,11 @@ impl Problem {
         }
     }
 
-    /// The server cannot read one of its files.
+    /// The server cannot read or write one of its files.
     pub(crate) fn file_unreadable(error: &std::io::Error) -> Self {
+        if is_full(error) {
+            return Self::no_space(&error.to_string());
+        }
         Self {
             status: StatusCode::INTERNAL_SERVER_ERROR,
             code: ProblemCode::FileUnreadable,
@@ -74,7 +75,7 @@ impl Problem {
         Self::new(StatusCode::BAD_REQUEST, ProblemCode::MalformedJson, detail, "send a JSON object")
     }
 
-    /// A write request without the token.
+    /// A request without the token that it requires.
     pub(crate) fn unauthorized() -> Self {
         let detail = "this request requires the server token".to_owned();
         let hint = "send `Authorization: Bearer TOKEN` with the token from the file given with --token-file";
@@ -87,6 +88,14 @@ impl Problem {
         let hint =
             "use the server's own page or a non-browser client, or allow it with --allow-origin";
         Self::new(StatusCode::FORBIDDEN, ProblemCode::OriginNotAllowed, detail, hint)
+    }
+
+    /// The `Host` header does not name this server.
+    pub(crate) fn host_not_allowed(host: &str) -> Self {
+        let detail = format!("\"{host}\" is not a name of this server");
+        let hint =
+            "use http://localhost with the port of the server, or allow the name with --host";
+        Self::new(StatusCode::FORBIDDEN, ProblemCode::HostNotAllowed, detail, hint)
     }
 
     /// The path or query cannot be parsed.
@@ -159,6 +168,13 @@ impl Problem {
         Self::new(StatusCode::CONFLICT, ProblemCode::InUse, detail, hint)
     }
 
+    /// The resource has changed since the client read it.
+    pub(crate) fn precondition_failed(etag: &str) -> Self {
+        let detail = format!("If-Match does not contain the current ETag {etag}");
+        let hint = "read the resource again, then repeat the request with its ETag";
+        Self::new(StatusCode::PRECONDITION_FAILED, ProblemCode::PreconditionFailed, detail, hint)
+    }
+
     /// Built-in models and the default model cannot be deleted.
     pub(crate) fn model_read_only(id: &str) -> Self {
         let detail =
@@ -189,6 +205,13 @@ impl Problem {
         Self::new(StatusCode::SERVICE_UNAVAILABLE, ProblemCode::QueueFull, detail, hint)
     }
 
+    /// The maximum number of event streams and waiting requests is reached.
+    pub(crate) fn too_many_streams() -> Self {
+        let detail = "too many event streams and waiting requests".to_owned();
+        let hint = "retry later; the operator can raise the limit of open files";
+        Self::new(StatusCode::SERVICE_UNAVAILABLE, ProblemCode::TooManyStreams, detail, hint)
+    }
+
     /// A client exceeded the rate limit of write requests.
     pub(crate) fn rate_limited(max: u32) -> Self {
         let detail = format!("more than {max} write requests per second");
@@ -201,6 +224,20 @@ impl Problem {
         let detail = format!("only {free} bytes free; the server keeps {min} bytes in reserve");
         let hint = "delete datasets, models, meshes, or jobs with ?artifacts=true";
         Self::new(StatusCode::INSUFFICIENT_STORAGE, ProblemCode::DiskFull, detail, hint)
+    }
+
+    /// A write failed because the disk is full.
+    pub(crate) fn no_space(reason: &str) -> Self {
+        let detail = format!("the disk of the server is full: {reason}");
+        let hint =
+            "free disk space, then repeat the request; DELETE of datasets and jobs frees space";
+        Self::new(StatusCode::INSUFFICIENT_STORAGE, ProblemCode::DiskFull, detail, hint)
+    }
+
+    /// A record in the database cannot be read.
+    pub(crate) fn record_damaged(reason: &str) -> Self {
+        let hint = "delete it, or start the version of ngf that wrote it";
+        Self::new(StatusCode::CONFLICT, ProblemCode::RecordDamaged, reason.to_owned(), hint)
     }
 
     /// The stored meshes have reached their maximum total size.
@@ -271,14 +308,14 @@ impl Problem {
         )
     }
 
-    /// The database does not respond.
+    /// The database cannot be written.
     pub(crate) fn not_ready() -> Self {
-        let detail = "the database of the server does not respond".to_owned();
+        let detail = "the database of the server cannot be written".to_owned();
         Self::new(
             StatusCode::SERVICE_UNAVAILABLE,
             ProblemCode::NotReady,
             detail,
-            "check the disk of the server",
+            "check the free space and the permissions of the disk of the server",
         )
     }
 
@@ -311,45 +348,12 @@ impl Problem {
     /// Unknown dataset, mesh or artifact; `resource` is its singular name.
     pub(crate) fn record_not_found(resource: &str, id: &str) -> Self {
         let detail = format!("{resource} \"{id}\" not found");
-        let hint = "GET /api/v1 contains the URLs of the lists of resources";
+        let hint = match resource {
+            "dataset" => "GET /api/v1/datasets lists the datasets",
+            "mesh" => "GET /api/v1/meshes lists the meshes",
+            "artifact" => "GET /api/v1/jobs/{id}/artifacts lists the artifacts of a job",
+            _ => "GET /api/v1 contains the URLs of the lists of resources",
+        };
         Self::new(StatusCode::NOT_FOUND, ProblemCode::RecordNotFound, detail, hint)
-    }
-}
-
-impl From<StoreError> for Problem {
-    fn from(error: StoreError) -> Self {
-        tracing::error!(%error, "store error");
-        let hint = "see the server log; no data was lost";
-        let status = StatusCode::INTERNAL_SERVER_ERROR;
-        Self::new(status, ProblemCode::StorageFailed, error.to_string(), hint)
-    }
-}
-
-impl IntoResponse for Problem {
-    fn into_response(self) -> Response {
-        // With "about:blank", `title` is the phrase of the status; `code` identifies the error.
-        let mut body = json!({
-            "type": "about:blank",
-            "title": self.status.canonical_reason().unwrap_or("Error"),
-            "status": self.status.as_u16(),
-            "detail": self.detail,
-            "code": self.code,
-            "hint": self.hint,
-        });
-        if let Some(param) = &self.param {
-            body["errors"] = json!([{ "param": param, "detail": self.detail }]);
-        }
-        if let Some(id) = crate::middleware::request_log::current_request_id() {
-            body["request_id"] = id.into();
-        }
-        let is_busy = self.status == StatusCode::SERVICE_UNAVAILABLE;
-        let mut response = (self.status, Json(body)).into_response();
-        let headers = response.headers_mut();
-        headers.insert(header::CONTENT_TYPE, HeaderValue::from_static("application/problem+json"));
-        headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("no-store"));
-        if is_busy {
-            headers.insert(header::RETRY_AFTER, HeaderValue::from_static("10"));
-        }
-        response
     }
 }

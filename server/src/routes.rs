@@ -2,18 +2,22 @@
 
 mod artifacts;
 mod datasets;
+mod event_stream;
 mod events;
 mod http_content;
 mod job_files;
 mod job_request;
 mod jobs;
 mod meshes;
+mod metric_table;
 mod metrics;
 mod models;
 mod pagination;
+mod prometheus_text;
 mod schemas;
 mod static_files;
 mod system;
+mod unique_json;
 
 use crate::extract::MAX_BODY;
 use crate::jobs::scheduler::JobScheduler;

@@ -2,11 +2,13 @@
 
 use crate::jobs::scheduler::JobScheduler;
 use crate::metrics::Metrics;
+use crate::middleware::access::Access;
 use crate::middleware::auth::WriteRateLimiter;
-use crate::quotas::Quotas;
+use crate::quotas::{Quotas, SpaceReservations};
 use axum::http::HeaderValue;
 use std::collections::HashMap;
 use std::io;
+use std::net::IpAddr;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::SystemTime;
@@ -24,8 +26,8 @@ pub struct AppState {
     hashes: Arc<Mutex<HashMap<Vec<PathBuf>, FileHash>>>,
     /// Job scheduler; `None` if jobs are disabled.
     pub(crate) scheduler: Option<Arc<JobScheduler>>,
-    /// BLAKE3 of the token required for write requests; `None` if no token is required.
-    token: Option<blake3::Hash>,
+    /// Token, host names and trusted proxies.
+    pub(crate) access: Access,
     /// Foreign origins whose pages may send write requests.
     pub(crate) origins: Arc<[HeaderValue]>,
     /// Id of the model that the alias `default` resolves to.
@@ -52,12 +54,15 @@ pub(crate) struct MeshLocks {
     pub(crate) records: tokio::sync::Mutex<()>,
     /// Permits of [`MAX_INSPECTIONS`].
     pub(crate) inspections: Arc<tokio::sync::Semaphore>,
+    /// Disk space reserved by uploads.
+    pub(crate) reserved: SpaceReservations,
 }
 
 impl Default for MeshLocks {
     fn default() -> Self {
         let inspections = Arc::new(tokio::sync::Semaphore::new(MAX_INSPECTIONS));
-        Self { records: tokio::sync::Mutex::default(), inspections }
+        let reserved = SpaceReservations::default();
+        Self { records: tokio::sync::Mutex::default(), inspections, reserved }
     }
 }
 
@@ -81,7 +86,7 @@ impl AppState {
             models_dir: models.into(),
             hashes: Arc::default(),
             scheduler: None,
-            token: None,
+            access: Access::default(),
             origins: Arc::from([]),
             default_model: Arc::from(DEFAULT_MODEL_ID),
             quotas: Quotas::default(),
@@ -123,18 +128,27 @@ impl AppState {
     }
 
     /// Requires this token for write requests.
-    pub fn with_token(self, token: &str) -> Self {
-        Self { token: Some(blake3::hash(token.as_bytes())), ..self }
+    pub fn with_token(mut self, token: &str) -> Self {
+        self.access.set_token(token);
+        self
     }
 
-    /// Whether write requests require a token.
-    pub(crate) fn has_token(&self) -> bool {
-        self.token.is_some()
+    /// Requires the token for read requests, too.
+    pub fn with_token_for_reads(mut self) -> Self {
+        self.access.set_reads_need_token();
+        self
     }
 
-    /// Whether this token authorizes write requests. Hashes are compared in constant time.
-    pub(crate) fn token_matches(&self, token: &str) -> bool {
-        self.token.is_none_or(|known| known == blake3::hash(token.as_bytes()))
+    /// Host names under which clients may address the server, in addition to its addresses.
+    pub fn with_host_names(mut self, names: Vec<String>) -> Self {
+        self.access.set_host_names(names);
+        self
+    }
+
+    /// Proxies whose `X-Forwarded-For` and `X-Forwarded-Proto` headers are used.
+    pub fn with_trusted_proxies(mut self, addresses: Vec<IpAddr>) -> Self {
+        self.access.set_trusted_proxies(addresses);
+        self
     }
 
     /// Receiver of a value that becomes true when the server shuts down.

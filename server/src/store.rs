@@ -5,38 +5,33 @@
 //! once.
 
 mod artifacts;
+mod damage;
+mod error;
 mod events;
+mod job_list;
 mod jobs;
+mod metric_chunks;
 mod records;
+mod schema;
+#[cfg(test)]
+mod tests;
 
 pub(crate) use artifacts::Artifact;
+pub(crate) use error::{StoreError, is_full};
 pub(crate) use events::{Event, EventType, Level, NewEvent};
-pub(crate) use jobs::{CreateOutcome, Filter};
+pub(crate) use job_list::Filter;
+pub(crate) use jobs::CreateOutcome;
+pub(crate) use metric_chunks::{MIN_CHUNK_EVENTS, MetricChunk};
 pub(crate) use records::RecordKind;
 
+use chrono::Utc;
+use sqlx::Connection;
 use sqlx::sqlite::{
     SqliteConnectOptions, SqliteJournalMode, SqlitePool, SqlitePoolOptions, SqliteSynchronous,
 };
 use std::path::Path;
 use std::time::Duration;
 use tokio::sync::watch;
-
-/// Error of the store.
-#[derive(Debug, thiserror::Error)]
-pub(crate) enum StoreError {
-    /// Error of SQLite.
-    #[error("database error: {0}")]
-    Database(#[from] sqlx::Error),
-    /// A record is not the expected JSON.
-    #[error("corrupt record in the database: {0}")]
-    Corrupt(#[from] serde_json::Error),
-    /// A file cannot be read or written.
-    #[error("file error: {0}")]
-    File(#[from] std::io::Error),
-    /// Error of the artifact store.
-    #[error("artifact store error: {0}")]
-    Artifacts(#[from] object_store::Error),
-}
 
 /// Database and artifact store.
 #[derive(Clone, Debug)]
@@ -68,27 +63,35 @@ impl Store {
             .journal_mode(SqliteJournalMode::Wal)
             .synchronous(SqliteSynchronous::Full)
             .busy_timeout(Duration::from_secs(10));
-        let writer = SqlitePoolOptions::new().max_connections(1).connect_with(options.clone());
-        let writer = writer.await?;
-        sqlx::raw_sql(include_str!("store/schema.sql")).execute(&writer).await?;
-        let readers = SqlitePoolOptions::new().max_connections(4);
+        let writer = pool(1).connect_with(options.clone()).await?;
+        schema::migrate(&writer).await?;
+        let readers = pool(4);
         let readers = readers.connect_with(options.read_only(true)).await?;
         let last: i64 = sqlx::query_scalar("SELECT coalesce(max(seq), 0) FROM events")
             .fetch_one(&writer)
             .await?;
         let last = watch::Sender::new(last);
-        Ok(Self {
+        let store = Self {
             writer,
             readers,
             artifacts: std::sync::Arc::new(artifacts),
             artifact_lock: std::sync::Arc::default(),
             last_event: last,
-        })
+        };
+        store.mark_damaged_jobs().await?;
+        Ok(store)
     }
 
-    /// Whether the database responds.
-    pub(crate) async fn is_ready(&self) -> bool {
-        sqlx::query("SELECT 1").execute(&self.readers).await.is_ok()
+    /// Commits a row. Fails on a full disk, where reading still succeeds and an empty transaction, too.
+    pub(crate) async fn check_writable(&self) -> Result<(), StoreError> {
+        sqlx::query(
+            "INSERT INTO readiness (id, checked_at) VALUES (1, ?)
+             ON CONFLICT (id) DO UPDATE SET checked_at = excluded.checked_at",
+        )
+        .bind(Utc::now().timestamp_millis())
+        .execute(&self.writer)
+        .await?;
+        Ok(())
     }
 
     /// Begins a write transaction.
@@ -97,4 +100,15 @@ impl Store {
     ) -> Result<sqlx::Transaction<'static, sqlx::Sqlite>, StoreError> {
         Ok(self.writer.begin_with("BEGIN IMMEDIATE").await?)
     }
+}
+
+/// Options of a pool of up to `max` connections.
+///
+/// If SQLite itself has rolled back a transaction, as on a full disk, the ROLLBACK of sqlx fails, and its
+/// connection rejects every later transaction (sqlx 0.9, issue 3932). Such a connection is replaced.
+fn pool(max: u32) -> SqlitePoolOptions {
+    SqlitePoolOptions::new().max_connections(max).before_acquire(|connection, _| {
+        let is_usable = !connection.is_in_transaction();
+        Box::pin(async move { Ok(is_usable) })
+    })
 }

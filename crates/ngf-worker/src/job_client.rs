@@ -23,6 +23,12 @@ const PROGRESS_INTERVAL: Duration = Duration::from_secs(1);
 /// Time without a reply after which the worker exits.
 const SERVER_TIMEOUT: Duration = Duration::from_secs(60);
 
+/// Status of a reply of a server whose disk is full.
+const INSUFFICIENT_STORAGE: u16 = 507;
+
+/// Interval between reports to a server whose disk is full.
+const FULL_DISK_INTERVAL: Duration = Duration::from_secs(1);
+
 /// Maximum number of events buffered while the server does not respond.
 const MAX_BUFFERED_EVENTS: usize = 10_000;
 
@@ -79,7 +85,7 @@ pub(crate) fn start() -> Result<()> {
         // Proxy settings of the environment must not apply to the server address.
         .proxy(None);
     let worker = Worker {
-        host: std::env::var("HOSTNAME").unwrap_or_else(|_| "localhost".into()),
+        host: host_name(),
         pid: std::process::id(),
         version: env!("CARGO_PKG_VERSION").into(),
         threads: std::thread::available_parallelism().map_or(1, usize::from),
@@ -94,6 +100,15 @@ pub(crate) fn start() -> Result<()> {
     });
     std::thread::spawn(|| reporter.run());
     reporter._lock.lock().context("cannot lock the folder of the job")
+}
+
+/// Host name of this machine. Shells do not export HOSTNAME.
+fn host_name() -> String {
+    #[cfg(unix)]
+    let name = rustix::system::uname().nodename().to_string_lossy().into_owned();
+    #[cfg(not(unix))]
+    let name = std::env::var("COMPUTERNAME").unwrap_or_default();
+    if name.is_empty() { "localhost".into() } else { name }
 }
 
 /// Sets the progress of a phase: `done` of `total` items.
@@ -185,13 +200,18 @@ impl JobClient {
     fn send_until_acked(&self) {
         let _guard = self.sending.lock().unwrap_or_else(PoisonError::into_inner);
         let report = self.pending().drain();
-        let start = Instant::now();
+        let mut start = Instant::now();
         loop {
             match self.send(&report) {
                 Ok(Some(Directive::Continue)) => return,
                 // The process ends in any case.
                 Ok(_) if report.completion.is_some() => return,
                 Ok(_) => std::process::exit(EXIT_STOPPED),
+                // The server runs and will store the report once its disk has space.
+                Err(ureq::Error::StatusCode(INSUFFICIENT_STORAGE)) => {
+                    start = Instant::now();
+                    std::thread::sleep(FULL_DISK_INTERVAL);
+                }
                 Err(error) if start.elapsed() > SERVER_TIMEOUT => {
                     eprintln!("error: the job server does not respond: {error}");
                     std::process::exit(EXIT_STOPPED);
@@ -265,6 +285,13 @@ pub(crate) fn flatten_metrics(value: &Value) -> Map<String, Value> {
 mod tests {
     use super::*;
     use serde_json::json;
+
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn host_name_is_that_of_the_kernel() {
+        let kernel = std::fs::read_to_string("/proc/sys/kernel/hostname").unwrap();
+        assert_eq!(host_name(), kernel.trim());
+    }
 
     #[test]
     fn nested_numbers_become_columns() {

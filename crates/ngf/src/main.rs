@@ -2,7 +2,9 @@
 //!
 //! Links no physics, training or Parquet.
 
+mod open_files;
 mod serve;
+mod token;
 mod worker;
 
 use clap::{Parser, Subcommand};

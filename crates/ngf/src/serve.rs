@@ -1,14 +1,14 @@
 //! `ngf serve`: binds the server to an address until it is stopped; with a data folder, it also runs jobs.
 
-use crate::worker;
-use anyhow::{Context, bail};
+use crate::{open_files, token, worker};
+use anyhow::Context;
 use axum::http::HeaderValue;
 use server::scheduler::{JobScheduler, SchedulerConfig};
 use server::{AppState, Quotas};
 use std::io::{IsTerminal, Write};
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::num::NonZeroU32;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::time::Duration;
@@ -17,9 +17,6 @@ use tracing_subscriber::filter::LevelFilter;
 
 /// Maximum time that running downloads may continue after the stop signal.
 const SHUTDOWN_GRACE: Duration = Duration::from_secs(3);
-
-/// Minimum number of characters of a token.
-const MIN_TOKEN_LEN: usize = 16;
 
 /// Address, folders and quotas of the server.
 #[derive(clap::Args)]
@@ -30,6 +27,15 @@ pub(crate) struct Options {
     /// File with the bearer token that write requests need (at least 16 characters)
     #[arg(long, value_name = "FILE")]
     token_file: Option<PathBuf>,
+    /// Also require the token for read requests; the page asks for it
+    #[arg(long, requires = "token_file")]
+    token_for_reads: bool,
+    /// Host name of the server, such as `ngf.example.org`; repeat for more names. Requests for other names are rejected
+    #[arg(long, value_name = "NAME")]
+    host: Vec<String>,
+    /// Address of a proxy whose X-Forwarded-For and X-Forwarded-Proto headers are used; repeat for more proxies
+    #[arg(long, value_name = "ADDR")]
+    trusted_proxy: Vec<IpAddr>,
     /// Port; 0 selects a free port
     #[arg(long, default_value_t = 8787)]
     port: u16,
@@ -108,7 +114,7 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
 async fn serve(options: &Options) -> anyhow::Result<()> {
     start_log(options.log)?;
     let socket_addr = SocketAddr::from((options.bind, options.port));
-    let token = read_token(options)?;
+    let token = token::read(options.token_file.as_deref(), options.bind)?;
     let listener = tokio::net::TcpListener::bind(socket_addr).await.with_context(|| {
         format!(
             "cannot listen on {socket_addr}; if the port is in use, choose another one with --port"
@@ -123,31 +129,20 @@ async fn serve(options: &Options) -> anyhow::Result<()> {
     if options.open {
         open_browser(&address);
     }
-    let limits = Quotas {
-        max_writes_per_second: options.max_writes_per_second,
-        max_total_mesh_bytes: options.mesh_quota_gb.saturating_mul(BYTES_PER_GB),
-        min_free_bytes: options.min_free_gb.saturating_mul(BYTES_PER_GB),
-        ..Quotas::default()
-    };
-    let mut state = AppState::new(&options.web_dir, &options.models_dir)
-        .with_quotas(limits)
-        .with_default_model(&options.default_model)
-        .with_origins(options.allow_origin.iter().cloned());
-    if let Some(token) = &token {
-        state = state.with_token(token);
-    }
+    let mut state = configure(options, token.as_deref());
     if let Some(engine) = &engine {
         state = state.with_scheduler(engine.clone(), stopped.clone());
     }
-    let app = server::app(state).into_make_service_with_connect_info::<SocketAddr>();
     let scheduling = engine.clone().map(|engine| {
         let address = address.clone();
         tokio::spawn(async move { engine.run(&address).await })
     });
-    let http_server = axum::serve(listener, app).with_graceful_shutdown(async move {
+    tokio::spawn(async move {
         stop_signal().await;
         stopping.send_replace(true);
     });
+    let max_connections = open_files::raise_limit();
+    let http_server = server::serve(listener, server::app(state), max_connections, stopped.clone());
     let mut shutdown_signal = stopped.clone();
     let served = async move {
         let grace_expired = async {
@@ -156,8 +151,8 @@ async fn serve(options: &Options) -> anyhow::Result<()> {
             tokio::time::sleep(SHUTDOWN_GRACE).await;
         };
         tokio::select! {
-            result = http_server => result.context("the server failed"),
-            () = grace_expired => Ok(()),
+            () = http_server => {}
+            () = grace_expired => {}
         }
     };
     // Runs to completion even without clients. Dropping a job transition halfway would block the next one.
@@ -170,33 +165,38 @@ async fn serve(options: &Options) -> anyhow::Result<()> {
             engine.shutdown().await;
         }
     };
-    let (served, ()) = tokio::join!(served, shutdown);
-    served
+    tokio::join!(served, shutdown);
+    Ok(())
 }
 
-/// Bearer token of write requests, if required.
-fn read_token(options: &Options) -> anyhow::Result<Option<String>> {
-    let Some(path) = &options.token_file else {
-        if !options.bind.is_loopback() {
-            bail!(
-                "any host that reaches {} could start jobs; pass a token with --token-file FILE, or listen on 127.0.0.1",
-                options.bind
-            );
-        }
-        return Ok(None);
+/// State of the server without jobs.
+fn configure(options: &Options, token: Option<&str>) -> AppState {
+    let limits = Quotas {
+        max_writes_per_second: options.max_writes_per_second,
+        max_total_mesh_bytes: options.mesh_quota_gb.saturating_mul(BYTES_PER_GB),
+        min_free_bytes: options.min_free_gb.saturating_mul(BYTES_PER_GB),
+        ..Quotas::default()
     };
-    let text = std::fs::read_to_string(path)
-        .with_context(|| format!("cannot read the token in {}", path.display()))?;
-    let token = text.trim().to_owned();
-    if token.len() < MIN_TOKEN_LEN {
-        bail!("the token in {} has fewer than {MIN_TOKEN_LEN} characters", path.display());
+    let mut state = AppState::new(&options.web_dir, &options.models_dir)
+        .with_quotas(limits)
+        .with_default_model(&options.default_model)
+        .with_host_names(options.host.clone())
+        .with_trusted_proxies(options.trusted_proxy.clone())
+        .with_origins(options.allow_origin.iter().cloned());
+    if let Some(token) = token {
+        state = state.with_token(token);
     }
-    Ok(Some(token))
+    if options.token_for_reads {
+        state = state.with_token_for_reads();
+    }
+    state
 }
 
 /// The job scheduler, if there is a data folder.
 async fn open_scheduler(options: &Options) -> anyhow::Result<Option<Arc<JobScheduler>>> {
     let Some(data) = &options.data_dir else { return Ok(None) };
+    create_private_dir(data)?;
+    token::warn_if_readable(data, "data folder", "logs and weights");
     let config = SchedulerConfig {
         data_dir: data.clone(),
         models_dir: options.models_dir.clone(),
@@ -205,6 +205,15 @@ async fn open_scheduler(options: &Options) -> anyhow::Result<Option<Arc<JobSched
         min_free_bytes: options.min_free_gb.saturating_mul(BYTES_PER_GB),
     };
     Ok(Some(JobScheduler::open(config).await?))
+}
+
+/// Creates the data folder, readable only by its owner.
+fn create_private_dir(path: &Path) -> anyhow::Result<()> {
+    let mut builder = std::fs::DirBuilder::new();
+    builder.recursive(true);
+    #[cfg(unix)]
+    std::os::unix::fs::DirBuilderExt::mode(&mut builder, 0o700);
+    builder.create(path).with_context(|| format!("cannot create {}", path.display()))
 }
 
 /// Resolves at Ctrl-C, and on Unix at SIGTERM.

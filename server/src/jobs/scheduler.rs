@@ -14,6 +14,7 @@ mod health_alerts;
 mod inputs;
 mod launch;
 mod outputs;
+mod readiness;
 mod reports;
 mod start;
 
@@ -27,6 +28,7 @@ use crate::store::{EventType, NewEvent, Store, StoreError};
 use chrono::{TimeDelta, Utc};
 use health_alerts::HealthMonitor;
 use launch::{Launcher, LocalLauncher};
+use readiness::{Readiness, RecurringFailure};
 use serde_json::json;
 use std::collections::HashMap;
 use std::fs::File;
@@ -85,6 +87,7 @@ pub struct JobScheduler {
     kill_switches: Mutex<HashMap<String, (u64, oneshot::Sender<()>)>>,
     /// Serializes the collection of checkpoints.
     checkpoint_lock: tokio::sync::Mutex<()>,
+    readiness: Readiness,
     wake: Notify,
     /// Open lock file: reserves the data folder for this process.
     _lock: File,
@@ -118,6 +121,8 @@ impl JobScheduler {
         lock.try_lock().map_err(|_| SchedulerError::InUse(config.data_dir.clone()))?;
         deletion::remove_trash(&config.data_dir.join("datasets"))
             .map_err(|error| failed(&error))?;
+        deletion::remove_incomplete(&config.data_dir.join("artifacts"))
+            .map_err(|error| failed(&error))?;
         let store = Store::open(&config.data_dir).await.map_err(|error| failed(&error))?;
         let scheduler = Self {
             store,
@@ -127,6 +132,7 @@ impl JobScheduler {
             server_url: OnceLock::new(),
             kill_switches: Mutex::default(),
             checkpoint_lock: tokio::sync::Mutex::default(),
+            readiness: Readiness::default(),
             wake: Notify::new(),
             _lock: lock,
         };
@@ -147,25 +153,31 @@ impl JobScheduler {
             tracing::warn!(%error, "cannot extend leases after the start");
         }
         let (mut last_poll, mut health) = (Utc::now(), HealthMonitor::default());
+        let mut failure = RecurringFailure::default();
         loop {
             // After a sleep or a clock change no reports arrived, but the workers may be healthy.
-            if (Utc::now() - last_poll).abs() > SLEEP_DETECTION
-                && let Err(error) = self.extend_leases(MAX_LEASE).await
-            {
-                tracing::warn!(%error, "cannot extend leases after a sleep");
+            if (Utc::now() - last_poll).abs() > SLEEP_DETECTION {
+                self.report_failed();
             }
             last_poll = Utc::now();
-            if let Err(error) = self.schedule().await {
-                tracing::warn!(%error, "cannot schedule jobs");
-            }
-            if let Err(error) = self.check_health(&mut health).await {
-                tracing::warn!(%error, "cannot check the health of jobs");
+            if let Err(error) = self.poll(&mut health).await {
+                if error.is_disk_full() {
+                    self.report_failed();
+                }
+                failure.log("cannot schedule jobs", &error);
             }
             tokio::select! {
                 () = self.wake.notified() => {}
                 () = tokio::time::sleep(POLL_INTERVAL) => {}
             }
         }
+    }
+
+    /// One round: recovers leases, schedules jobs, checks the health of running jobs.
+    async fn poll(self: &Arc<Self>, health: &mut HealthMonitor) -> Result<(), StoreError> {
+        self.recover_leases().await?;
+        self.schedule().await?;
+        self.check_health(health).await
     }
 
     /// Kills the workers that this process started. Their jobs resume when the server starts again.

@@ -17,7 +17,7 @@ pub enum ProblemCode {
     InvalidCard,
     /// The dataset cannot be opened, e.g. because an earlier version generated it.
     IncompatibleDataset,
-    /// The disk is nearly full.
+    /// The disk is full or nearly full.
     DiskFull,
     /// The dataset has no such episode.
     EpisodeNotFound,
@@ -25,6 +25,8 @@ pub enum ProblemCode {
     FileNotServed,
     /// The server cannot read one of its files.
     FileUnreadable,
+    /// The `Host` header does not name this server.
+    HostNotAllowed,
     /// A write request from a page of another origin.
     OriginNotAllowed,
     /// The idempotency key was used with a different body.
@@ -73,21 +75,27 @@ pub enum ProblemCode {
     StaleWorker,
     /// Built-in models and the default model cannot be deleted.
     ModelReadOnly,
-    /// The database does not respond.
+    /// The database cannot be written.
     NotReady,
     /// The web page has not been built.
     WebNotBuilt,
+    /// The resource has changed since the client read it.
+    PreconditionFailed,
     /// The maximum number of jobs is queued.
     QueueFull,
     /// The requested range is outside of the file.
     RangeNotSatisfiable,
+    /// A record in the database cannot be read.
+    RecordDamaged,
     /// Unknown dataset, mesh or artifact.
     RecordNotFound,
     /// The database or a file cannot be read or written.
     StorageFailed,
     /// The client exceeded the rate limit of write requests.
     TooManyRequests,
-    /// The write request requires the server token.
+    /// The maximum number of event streams and waiting requests is reached.
+    TooManyStreams,
+    /// The request requires the server token.
     Unauthorized,
     /// Unknown action on a job.
     UnknownAction,

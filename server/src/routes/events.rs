@@ -1,5 +1,6 @@
 //! Events of jobs: as a list, and as server-sent event streams.
 
+use super::event_stream;
 use super::jobs::find_job;
 use super::pagination::{CursorPage, parse_limit};
 use super::{RequireScheduler, schemas};
@@ -9,9 +10,9 @@ use crate::metrics::OpenStream;
 use crate::store::{Event, EventType};
 use crate::{AppState, Problem};
 use axum::Json;
+use axum::body::{Body, Bytes};
 use axum::extract::State;
 use axum::http::{HeaderMap, HeaderName, StatusCode, header};
-use axum::response::sse::{Event as SseEvent, KeepAlive, Sse};
 use axum::response::{IntoResponse, Response};
 use futures_util::stream;
 use serde_json::{Value, json};
@@ -121,6 +122,9 @@ struct StreamedEvent {
     data: String,
 }
 
+/// Interval at which an idle stream sends a comment.
+const KEEP_ALIVE_INTERVAL: Duration = Duration::from_secs(15);
+
 /// Number of events read at a time.
 const EVENTS_PER_READ: i64 = 256;
 
@@ -135,6 +139,8 @@ struct EventReader {
     ready: std::vec::IntoIter<Event>,
     changes: tokio::sync::watch::Receiver<i64>,
     stopping: tokio::sync::watch::Receiver<bool>,
+    /// Whether an event was sent.
+    has_started: bool,
     is_finished: bool,
     _open: OpenStream,
 }
@@ -170,6 +176,7 @@ async fn open_stream(
         jobs,
         after,
         ready: Vec::new().into_iter(),
+        has_started: false,
         is_finished: false,
         _open: OpenStream::new(&state.metrics),
     };
@@ -177,22 +184,20 @@ async fn open_stream(
     if reader.all_ended().await? && reader.fetch().await? == 0 {
         return Ok(StatusCode::NO_CONTENT.into_response());
     }
-    let first = stream::once(async {
-        Ok::<_, Infallible>(SseEvent::default().retry(Duration::from_secs(2)).comment("events"))
-    });
+    let opening = stream::once(async { Ok::<_, Infallible>(event_stream::OPENING) });
     let events = stream::unfold(reader, |mut reader| async move {
-        let event = reader.next().await?;
-        Some((Ok::<_, Infallible>(event), reader))
+        let text = reader.next_text().await?;
+        Some((Ok::<_, Infallible>(text), reader))
     });
-    let keep_alive = KeepAlive::new().interval(Duration::from_secs(15)).text("keep-alive");
-    let events = futures_util::StreamExt::chain(first, events);
+    let body = Body::from_stream(futures_util::StreamExt::chain(opening, events));
     // `x-accel-buffering` disables buffering in proxies.
     let headers = [
+        (header::CONTENT_TYPE, "text/event-stream"),
         (header::CACHE_CONTROL, "no-store"),
         (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
         (HeaderName::from_static("x-accel-buffering"), "no"),
     ];
-    Ok((headers, Sse::new(events).keep_alive(keep_alive)).into_response())
+    Ok((headers, body).into_response())
 }
 
 impl EventReader {
@@ -219,15 +224,22 @@ impl EventReader {
         Ok(count)
     }
 
+    /// Waits for the next event, or for the time of a comment; `None` at the end of the stream.
+    async fn next_text(&mut self) -> Option<Bytes> {
+        match tokio::time::timeout(KEEP_ALIVE_INTERVAL, self.next_event()).await {
+            Ok(event) => event,
+            Err(_) => Some(event_stream::KEEP_ALIVE),
+        }
+    }
+
     /// Waits for the next event; `None` at the end of the stream.
-    async fn next(&mut self) -> Option<SseEvent> {
+    async fn next_event(&mut self) -> Option<Bytes> {
         loop {
             if let Some(event) = self.ready.next() {
                 self.after = event.seq;
+                let is_first = !std::mem::replace(&mut self.has_started, true);
                 let text = event.json.to_string();
-                return Some(
-                    SseEvent::default().id(event.seq.to_string()).event(event.kind).data(text),
-                );
+                return Some(event_stream::event(Some(event.seq), &event.kind, &text, is_first));
             }
             if self.is_finished {
                 return None;
@@ -240,7 +252,7 @@ impl EventReader {
             }
             if ended {
                 self.is_finished = true;
-                return Some(SseEvent::default().event("done").data("{}"));
+                return Some(event_stream::event(None, "done", "{}", !self.has_started));
             }
             tokio::select! {
                 changed = self.changes.changed() => changed.ok()?,

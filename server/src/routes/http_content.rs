@@ -53,6 +53,9 @@ impl Content<'_> {
         headers: &HeaderMap,
         body: impl AsyncFnOnce(Range<u64>) -> Result<Body, Problem>,
     ) -> Result<Response, Problem> {
+        if let Some(tag) = self.etag() {
+            check_if_match(headers, &tag)?;
+        }
         let tag = self.etag().map(|tag| [(header::ETAG, tag)]);
         let common = (tag, [(header::CACHE_CONTROL, self.cache), (header::ACCEPT_RANGES, "bytes")]);
         let content_type = [(header::CONTENT_TYPE, self.content_type)];
@@ -117,6 +120,20 @@ pub(super) fn matches_if_none_match(headers: &HeaderMap, etag: &str) -> bool {
     tags.any(|tag| tag == "*" || tag.trim_start_matches("W/") == etag)
 }
 
+/// Rejects a request whose `If-Match` does not contain this ETag or `*`. Weak tags never match (RFC 9110, 13.1.1).
+pub(super) fn check_if_match(headers: &HeaderMap, etag: &str) -> Result<(), Problem> {
+    if !headers.contains_key(header::IF_MATCH) {
+        return Ok(());
+    }
+    let values = headers.get_all(header::IF_MATCH).into_iter();
+    let values = values.filter_map(|value| value.to_str().ok());
+    let mut tags = values.flat_map(|value| value.split(',')).map(str::trim);
+    if tags.any(|tag| tag == "*" || tag == etag) {
+        return Ok(());
+    }
+    Err(Problem::precondition_failed(etag))
+}
+
 /// Whether a range covers the complete contents: a suffix of at least their length, or any range of empty
 /// contents.
 fn covers_all(range: &str, bytes: u64) -> bool {
@@ -160,6 +177,17 @@ mod tests {
         for tags in ["\"x\"", "ab", ""] {
             assert_eq!(wanted(10, &[(header::IF_NONE_MATCH, tags)]), Selection::Full, "{tags}");
         }
+    }
+
+    #[test]
+    fn if_match_compares_strong_tags() {
+        let check = |tags: &'static str| {
+            let headers = [(header::IF_MATCH, tags.parse().unwrap())].into_iter().collect();
+            check_if_match(&headers, "\"ab\"").is_ok()
+        };
+        assert!(check("\"ab\"") && check("\"x\", \"ab\"") && check("*"));
+        assert!(!check("\"x\"") && !check("W/\"ab\"") && !check(""));
+        assert!(check_if_match(&HeaderMap::new(), "\"ab\"").is_ok());
     }
 
     #[test]

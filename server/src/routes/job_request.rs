@@ -1,5 +1,6 @@
 //! Request bodies and query parameters of job endpoints, and their limits.
 
+use super::unique_json::UniqueJson;
 use crate::Problem;
 use crate::jobs::kinds::{JobTask, Kind};
 use serde::Deserialize;
@@ -125,8 +126,14 @@ pub(super) fn query_bool(query: &BTreeMap<String, String>, name: &str) -> Result
 
 /// Parses a JSON object; errors name the invalid member.
 pub(super) fn parse_json<T: serde::de::DeserializeOwned>(body: &[u8]) -> Result<T, Problem> {
-    let value: Value = serde_json::from_slice(body)
-        .map_err(|error| Problem::malformed_json(&error.to_string()))?;
+    let UniqueJson(value) = serde_json::from_slice(body).map_err(|error| {
+        let text = error.to_string();
+        match text.split('`').nth(1) {
+            // Well-formed, but ambiguous.
+            Some(name) if error.is_data() => Problem::invalid_parameter(name, text.clone()),
+            _ => Problem::malformed_json(&text),
+        }
+    })?;
     // Serde would also accept an array of the field values.
     if !value.is_object() {
         return Err(Problem::malformed_json("it is another JSON type"));

@@ -1,7 +1,7 @@
 //! Job endpoints.
 
 use super::RequireScheduler;
-use super::http_content::{NO_STORE, matches_if_none_match};
+use super::http_content::{NO_STORE, check_if_match, matches_if_none_match};
 use super::job_request::{
     CreateJobRequest, JobAction, JobPatch, JobRequest, MAX_METADATA, check_metadata, check_name,
     parse_json, query_bool,
@@ -10,8 +10,8 @@ use super::pagination::{CursorPage, DEFAULT_LIMIT, parse_limit};
 use crate::extract::{FullBody, Path, Query};
 use crate::jobs::scheduler::JobScheduler;
 use crate::jobs::{Job, JobView, Kind, Params, Status};
-use crate::middleware::auth::bearer_token;
-use crate::store::{CreateOutcome, Filter, NewEvent};
+use crate::middleware::credentials::bearer_token;
+use crate::store::{CreateOutcome, Filter, NewEvent, StoreError};
 use crate::{AppState, Problem};
 use axum::Json;
 use axum::extract::{FromRequest, Request as Asked, State};
@@ -262,12 +262,14 @@ pub(crate) async fn action(
 pub(crate) async fn patch(
     RequireScheduler(scheduler): RequireScheduler,
     Path(id): Path<String>,
+    headers: HeaderMap,
     FullBody(body): FullBody,
 ) -> Result<Response, Problem> {
     let patch: JobPatch = parse_json(&body)?;
     check_name(patch.name.as_ref().and_then(Option::as_deref))?;
     patch.metadata.as_ref().and_then(Option::as_ref).map_or(Ok(()), check_metadata)?;
     let update = |job: &mut Job, _: &mut Vec<NewEvent>| {
+        check_if_match(&headers, &etag(job))?;
         if let Some(priority) = patch.priority {
             if job.status != Status::Queued {
                 return Err(Problem::invalid_state(job, "reprioritized"));
@@ -284,10 +286,10 @@ pub(crate) async fn patch(
     };
     let updated = scheduler.store.update(&id, update).await?;
     let (job, ()) = updated.ok_or_else(|| Problem::job_not_found(&id))??;
-    Ok(Json(job.view()).into_response())
+    Ok(([(header::ETAG, etag(&job))], Json(job.view())).into_response())
 }
 
-/// Deletes a finished job.
+/// Deletes a finished job, or one whose record is damaged.
 #[utoipa::path(
     delete, path = "/jobs/{id}", tag = "jobs", params(("id" = String, Path, description = "Id of the job"), ("artifacts" = Option<bool>, Query, description = "Also delete its files, except those of models")),
     responses((status = 204, description = "The job is deleted")),
@@ -296,17 +298,19 @@ pub(crate) async fn delete(
     RequireScheduler(scheduler): RequireScheduler,
     Path(id): Path<String>,
     Query(query): Query<BTreeMap<String, String>>,
+    headers: HeaderMap,
 ) -> Result<StatusCode, Problem> {
     let delete_files = query_bool(&query, "artifacts")?;
-    let job = find_job(&scheduler, &id).await?;
-    if !job.status.is_terminal() {
-        return Err(Problem::invalid_state(&job, "deleted"));
+    match scheduler.store.job(&id).await {
+        Ok(None) => return Err(Problem::job_not_found(&id)),
+        Ok(Some(job)) if !job.status.is_terminal() => {
+            return Err(Problem::invalid_state(&job, "deleted"));
+        }
+        Ok(Some(job)) => check_if_match(&headers, &etag(&job))?,
+        Err(StoreError::Damaged(..)) => {}
+        Err(error) => return Err(error.into()),
     }
-    if delete_files {
-        scheduler.store.delete_files(&id, None).await?;
-    }
-    scheduler.store.delete_job(&id).await?;
-    scheduler.remove_job_dir(&id).await;
+    scheduler.delete_job(&id, delete_files).await?;
     Ok(StatusCode::NO_CONTENT)
 }
 

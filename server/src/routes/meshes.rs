@@ -1,9 +1,9 @@
 //! Uploaded meshes, identified by their contents: equal bytes are the same mesh.
 
-use super::http_content::IMMUTABLE;
 use super::pagination::Page;
 use super::{RequireScheduler, artifacts, schemas};
 use crate::extract::{Path, Query};
+use crate::quotas::ReservedSpace;
 use crate::store::RecordKind;
 use crate::{AppState, Problem};
 use axum::Json;
@@ -38,7 +38,7 @@ pub(crate) async fn upload(
     Query(query): Query<BTreeMap<String, String>>,
     request: Request,
 ) -> Result<Response, Problem> {
-    state.quotas.ensure_free_space(scheduler.data_dir())?;
+    let _reserved = reserve_space(&state, scheduler.data_dir(), request.headers())?;
     let max_total = state.quotas.max_total_mesh_bytes;
     if scheduler.store.total_bytes(RecordKind::Mesh).await? >= max_total {
         return Err(Problem::mesh_quota_exceeded(max_total));
@@ -88,6 +88,20 @@ pub(crate) async fn upload(
     state.metrics.uploaded_bytes.inc_by(artifact.bytes);
     let location = [(header::LOCATION, format!("/api/v1/meshes/{id}"))];
     Ok((StatusCode::CREATED, location, Json(record)).into_response())
+}
+
+/// Reserves disk space for an upload: twice its length, because it is copied to the artifacts. Rejects the upload
+/// if less than the minimum would remain free with all concurrent uploads.
+fn reserve_space(
+    state: &AppState,
+    folder: &std::path::Path,
+    headers: &HeaderMap,
+) -> Result<ReservedSpace, Problem> {
+    let length = headers.get(header::CONTENT_LENGTH).and_then(|value| value.to_str().ok());
+    let length = length.and_then(|text| text.parse().ok()).unwrap_or(MAX_MESH_BYTES as u64);
+    let reserved = state.mesh_locks.reserved.reserve(2 * length.min(MAX_MESH_BYTES as u64));
+    state.quotas.ensure_free_space_for(folder, reserved.total())?;
+    Ok(reserved)
 }
 
 /// Form with a mesh file.
@@ -230,7 +244,8 @@ pub(crate) async fn file(
     let record = scheduler.store.record(RecordKind::Mesh, &id).await?;
     let record = record.ok_or_else(|| Problem::record_not_found("mesh", &id))?;
     let hash = record["hash"].as_str().unwrap_or_default();
-    artifacts::serve(&scheduler, hash, IMMUTABLE, &headers).await
+    let name = record["name"].as_str().unwrap_or_default();
+    artifacts::serve_mesh(&scheduler, hash, name, &headers).await
 }
 
 /// Deletes a mesh; jobs that have started with it keep a copy.

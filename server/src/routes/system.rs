@@ -1,12 +1,13 @@
 //! Health, version, metrics, OpenAPI description and API index.
 
 use super::meshes::MAX_MESH_BYTES;
+use super::prometheus_text::{OPEN_METRICS, PROMETHEUS, accepts_open_metrics, from_open_metrics};
 use super::schemas;
 use crate::extract::MAX_BODY;
 use crate::{AppState, Problem, ProblemCode};
 use axum::Json;
 use axum::extract::State;
-use axum::http::header;
+use axum::http::{HeaderMap, header};
 use axum::response::{IntoResponse, Response};
 use mesh::MAX_TRIANGLES;
 use serde_json::{Value, json};
@@ -99,15 +100,26 @@ pub(super) async fn openapi() -> Json<OpenApi> {
 /// Prometheus metrics.
 #[utoipa::path(
     get, path = "/metrics", tag = "system",
-    responses((status = 200, description = "Metrics as OpenMetrics text", content_type = "application/openmetrics-text", body = String)),
+    responses((
+        status = 200, description = "Metrics as text: OpenMetrics if `Accept` names it",
+        content((String = "text/plain"), (String = "application/openmetrics-text")),
+    )),
 )]
-pub(super) async fn metrics(State(state): State<AppState>) -> Result<Response, Problem> {
+pub(super) async fn metrics(
+    State(state): State<AppState>,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
     let jobs = match &state.scheduler {
         Some(scheduler) => scheduler.store.counts().await?,
         None => Vec::new(),
     };
-    let content_type = "application/openmetrics-text; version=1.0.0; charset=utf-8";
-    Ok(([(header::CONTENT_TYPE, content_type)], state.metrics.render(jobs)).into_response())
+    let text = state.metrics.render(jobs);
+    let accept = headers.get(header::ACCEPT).and_then(|value| value.to_str().ok());
+    let (content_type, text) = match accepts_open_metrics(accept.unwrap_or_default()) {
+        true => (OPEN_METRICS, text),
+        false => (PROMETHEUS, from_open_metrics(&text)),
+    };
+    Ok(([(header::CONTENT_TYPE, content_type), (header::VARY, "accept")], text).into_response())
 }
 
 /// Liveness probe.
@@ -128,14 +140,14 @@ pub(super) async fn version() -> Json<Value> {
     Json(json!({ "name": "ngf-grasp", "version": env!("CARGO_PKG_VERSION") }))
 }
 
-/// Readiness probe: 200 if the database responds.
+/// Readiness probe: 200 if the database can be written.
 #[utoipa::path(
     get, path = "/readyz", tag = "system",
     responses((status = 200, description = "The server is ready", body = schemas::Health)),
 )]
 pub(super) async fn ready(State(state): State<AppState>) -> Response {
     let is_ready = match &state.scheduler {
-        Some(scheduler) => scheduler.store.is_ready().await,
+        Some(scheduler) => scheduler.is_ready().await,
         None => true,
     };
     match is_ready {
@@ -156,7 +168,7 @@ pub(super) async fn index(State(state): State<AppState>) -> Json<Value> {
         "jobs_enabled": state.scheduler.is_some(),
         "urls": {
             "jobs": url("jobs"), "stream": url("stream?jobs="), "models": url("models"),
-            "datasets": url("datasets"), "meshes": url("meshes"), "artifacts": url("artifacts"),
+            "datasets": url("datasets"), "meshes": url("meshes"), "artifacts": url("artifacts/{hash}"),
         },
         "limits": {
             "request_bytes": MAX_BODY, "mesh_bytes": MAX_MESH_BYTES, "mesh_triangles": MAX_TRIANGLES,

@@ -2,6 +2,7 @@
 
 use super::{Store, StoreError};
 use chrono::Utc;
+use futures_util::StreamExt;
 use object_store::path::Path as Key;
 use object_store::{GetOptions, MultipartUpload, ObjectStore, ObjectStoreExt, PutMode, PutOptions};
 use sqlx::Row;
@@ -114,7 +115,8 @@ impl Store {
         if !is_stored {
             let mut upload = self.artifacts.put_multipart(&key).await?;
             if let Err(error) = upload_verified(&mut *upload, path, bytes, hash).await {
-                upload.abort().await?;
+                // The first error is the cause, e.g. a full disk.
+                upload.abort().await.ok();
                 return Err(error);
             }
             upload.complete().await?;
@@ -151,8 +153,24 @@ impl Store {
         self.record_file(owner, name, hash, bytes).await
     }
 
-    /// Records a file and its owner in the database.
+    /// Records a stored file and its owner in the database; deletes the file if that fails, e.g. on a full
+    /// disk, and no other owner has recorded it.
     async fn record_file(
+        &self,
+        owner: &str,
+        name: &str,
+        hash: String,
+        bytes: u64,
+    ) -> Result<Artifact, StoreError> {
+        let recorded = self.insert_file(owner, name, hash.clone(), bytes).await;
+        if recorded.is_err() && matches!(self.artifact(&hash).await, Ok(None)) {
+            self.artifacts.delete(&key(&hash)).await.ok();
+        }
+        recorded
+    }
+
+    /// Inserts the rows of a file and its owner.
+    async fn insert_file(
         &self,
         owner: &str,
         name: &str,
@@ -293,15 +311,27 @@ impl Store {
 
     /// Copies an artifact to a file, atomically: writes a temporary file and renames it.
     pub(crate) async fn copy_to(&self, hash: &str, path: &Path) -> Result<(), StoreError> {
-        let bytes = self.artifacts.get(&key(hash)).await?.bytes().await?;
         if let Some(parent) = path.parent() {
             tokio::fs::create_dir_all(parent).await?;
         }
         let temporary = path.with_extension("part");
-        let mut file = tokio::fs::File::create(&temporary).await?;
-        file.write_all(&bytes).await?;
-        // Synced before the rename, so that the file is complete even after a power cut.
-        file.sync_all().await?;
+        let copied = self.write_to(hash, &temporary).await;
+        if copied.is_err() {
+            // On a full disk, an incomplete file would take the remaining space.
+            tokio::fs::remove_file(&temporary).await.ok();
+        }
+        copied?;
         Ok(tokio::fs::rename(&temporary, path).await?)
+    }
+
+    /// Writes an artifact to a file.
+    async fn write_to(&self, hash: &str, path: &Path) -> Result<(), StoreError> {
+        let mut chunks = self.artifacts.get(&key(hash)).await?.into_stream();
+        let mut file = tokio::fs::File::create(path).await?;
+        while let Some(chunk) = chunks.next().await {
+            file.write_all(&chunk?).await?;
+        }
+        // Synced before the rename, so that the file is complete even after a power cut.
+        Ok(file.sync_all().await?)
     }
 }

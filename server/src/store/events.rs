@@ -117,7 +117,8 @@ impl Event {
     fn from_row(row: &SqliteRow) -> Result<Self, StoreError> {
         let seq: i64 = row.try_get("seq")?;
         let kind: String = row.try_get("type")?;
-        let data: Value = serde_json::from_str(row.try_get("data")?)?;
+        // A damaged event keeps its place in the order.
+        let data: Value = serde_json::from_str(row.try_get("data")?).unwrap_or_default();
         let text = |name| row.try_get::<String, _>(name);
         let json = json!({
             "id": format!("evt_{seq}"), "seq": seq, "job": text("job")?, "created_at": text("created_at")?,

@@ -1,28 +1,12 @@
 //! Jobs: queries, updates, leases and idempotency keys.
 
+use super::damage::parse;
 use super::events::{self, EventType, NewEvent};
-use super::{Store, StoreError};
-use crate::jobs::{Job, Kind, Status};
+use super::{Store, StoreError, metric_chunks};
+use crate::jobs::{Job, Status};
 use chrono::Utc;
-use serde_json::{Value, json};
-use sqlx::{AssertSqlSafe, Row, Sqlite, Transaction};
-
-/// Filter and page of a job list.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Filter {
-    /// Accepted statuses; empty accepts all.
-    pub(crate) status: Vec<Status>,
-    /// Accepted kinds; empty accepts all.
-    pub(crate) kind: Vec<Kind>,
-    /// Required metadata entries.
-    pub(crate) metadata: Vec<(String, String)>,
-    /// Id of the last job of the previous page.
-    pub(crate) after: Option<String>,
-    /// Ascending order of creation; the default is descending.
-    pub(crate) oldest_first: bool,
-    /// Maximum number of jobs.
-    pub(crate) limit: i64,
-}
+use serde_json::{Map, Value, json};
+use sqlx::{Row, Sqlite, Transaction};
 
 /// Result of a creation request with an idempotency key.
 #[derive(Debug)]
@@ -65,6 +49,27 @@ async fn write_job(
     Ok(())
 }
 
+/// Replaces the metadata of a job in the index that filters of lists read.
+async fn write_metadata(
+    transaction: &mut Transaction<'static, Sqlite>,
+    id: &str,
+    metadata: &Map<String, Value>,
+) -> Result<(), StoreError> {
+    sqlx::query("DELETE FROM job_metadata WHERE job = ?")
+        .bind(id)
+        .execute(&mut **transaction)
+        .await?;
+    for (key, value) in metadata {
+        sqlx::query("INSERT INTO job_metadata (key, value, job) VALUES (?, ?, ?)")
+            .bind(key)
+            .bind(value.as_str().unwrap_or_default())
+            .bind(id)
+            .execute(&mut **transaction)
+            .await?;
+    }
+    Ok(())
+}
+
 /// Reads a job inside a transaction.
 async fn read_job(
     transaction: &mut Transaction<'static, Sqlite>,
@@ -74,7 +79,7 @@ async fn read_job(
         .bind(id)
         .fetch_optional(&mut **transaction)
         .await?;
-    Ok(record.map(|record| serde_json::from_str(&record)).transpose()?)
+    record.map(|record| parse(id, &record)).transpose()
 }
 
 /// Result of an earlier request with this key; `None` if the key is unused or expired.
@@ -143,6 +148,7 @@ impl Store {
             .await?;
         }
         write_job(&mut transaction, job).await?;
+        write_metadata(&mut transaction, &job.id, &job.metadata).await?;
         let event = NewEvent::new(EventType::Status, "queued", json!({ "status": job.status }));
         let last = events::append(&mut transaction, &job.id, &[event]).await?;
         transaction.commit().await?;
@@ -156,49 +162,7 @@ impl Store {
             .bind(id)
             .fetch_optional(&self.readers)
             .await?;
-        Ok(record.map(|record| serde_json::from_str(&record)).transpose()?)
-    }
-
-    /// Jobs that match a filter, newest first by default.
-    pub(crate) async fn jobs(&self, filter: &Filter) -> Result<Vec<Job>, StoreError> {
-        let placeholders = |count: usize| vec!["?"; count].join(", ");
-        let mut conditions = vec!["1 = 1".to_owned()];
-        if !filter.status.is_empty() {
-            conditions.push(format!("status IN ({})", placeholders(filter.status.len())));
-        }
-        if !filter.kind.is_empty() {
-            conditions.push(format!("kind IN ({})", placeholders(filter.kind.len())));
-        }
-        for _ in &filter.metadata {
-            conditions.push(
-                "EXISTS (SELECT 1 FROM json_each(record, '$.metadata') WHERE key = ? AND value = ?)"
-                    .into(),
-            );
-        }
-        let (sign, order) = if filter.oldest_first { (">", "ASC") } else { ("<", "DESC") };
-        if filter.after.is_some() {
-            conditions.push(format!("id {sign} ?"));
-        }
-        // The text contains no caller input; all values are bound.
-        let text = AssertSqlSafe(format!(
-            "SELECT record FROM jobs WHERE {} ORDER BY id {order} LIMIT ?",
-            conditions.join(" AND ")
-        ));
-        let mut query = sqlx::query_scalar::<_, String>(text);
-        for status in &filter.status {
-            query = query.bind(status.name());
-        }
-        for kind in &filter.kind {
-            query = query.bind(kind.name());
-        }
-        for (key, value) in &filter.metadata {
-            query = query.bind(key).bind(value);
-        }
-        if let Some(after) = &filter.after {
-            query = query.bind(after);
-        }
-        let records = query.bind(filter.limit).fetch_all(&self.readers).await?;
-        Ok(records.iter().map(|record| serde_json::from_str(record)).collect::<Result<_, _>>()?)
+        record.map(|record| parse(id, &record)).transpose()
     }
 
     /// Updates a job and appends its events in one transaction; `None` if the job does not exist. If `change`
@@ -225,7 +189,13 @@ impl Store {
         if after != before {
             write_job(&mut transaction, &job).await?;
         }
+        if after["metadata"] != before["metadata"] {
+            write_metadata(&mut transaction, id, &job.metadata).await?;
+        }
         let last = events::append(&mut transaction, id, &events).await?;
+        if events.iter().any(|event| event.kind == EventType::Metric) {
+            metric_chunks::copy_events(&mut transaction, id).await?;
+        }
         transaction.commit().await?;
         match last {
             Some(_) => self.notify(last),
@@ -263,7 +233,10 @@ impl Store {
     pub(crate) async fn active_job_using(&self, id: &str) -> Result<Option<String>, StoreError> {
         Ok(sqlx::query_scalar(
             "SELECT id FROM jobs WHERE status IN ('queued', 'running', 'paused', 'cancelling')
-             AND EXISTS (SELECT 1 FROM json_each(record, '$.inputs') WHERE value = ?) LIMIT 1",
+             AND EXISTS (
+                 SELECT 1 FROM json_each(CASE WHEN json_valid(record) THEN record END, '$.inputs')
+                 WHERE value = ?
+             ) LIMIT 1",
         )
         .bind(id)
         .fetch_optional(&self.readers)
@@ -354,6 +327,8 @@ impl Store {
         let mut transaction = self.begin_transaction().await?;
         for text in [
             "DELETE FROM events WHERE job = ?",
+            "DELETE FROM metric_chunks WHERE job = ?",
+            "DELETE FROM job_metadata WHERE job = ?",
             "DELETE FROM artifact_names WHERE owner = ?",
             "DELETE FROM jobs WHERE id = ?",
         ] {

@@ -1,5 +1,6 @@
 //! Records of datasets, models and evaluations produced by jobs, and of uploaded meshes.
 
+use super::damage::{parse, parse_listed};
 use super::{Store, StoreError};
 use serde_json::Value;
 
@@ -57,13 +58,14 @@ impl Store {
                 .bind(kind.name())
                 .fetch_optional(&self.readers)
                 .await?;
-        Ok(record.map(|record| serde_json::from_str(&record)).transpose()?)
+        record.map(|record| parse(id, &record)).transpose()
     }
 
     /// Total size of all records of a kind (bytes).
     pub(crate) async fn total_bytes(&self, kind: RecordKind) -> Result<u64, StoreError> {
         let bytes: i64 = sqlx::query_scalar(
-            "SELECT coalesce(sum(json_extract(record, '$.bytes')), 0) FROM records WHERE kind = ?",
+            "SELECT coalesce(sum(CASE WHEN json_valid(record) THEN json_extract(record, '$.bytes') END), 0)
+             FROM records WHERE kind = ?",
         )
         .bind(kind.name())
         .fetch_one(&self.readers)
@@ -81,15 +83,15 @@ impl Store {
         Ok(())
     }
 
-    /// Records of a kind that follow `after`, newest first.
+    /// Records of a kind that follow `after`, newest first; damaged ones are omitted.
     pub(crate) async fn records(
         &self,
         kind: RecordKind,
         after: Option<&str>,
         limit: i64,
     ) -> Result<Vec<Value>, StoreError> {
-        let records: Vec<String> = sqlx::query_scalar(
-            "SELECT record FROM records
+        let records: Vec<(String, String)> = sqlx::query_as(
+            "SELECT id, record FROM records
              WHERE kind = ? AND (? IS NULL OR seq < (SELECT seq FROM records WHERE id = ?))
              ORDER BY seq DESC LIMIT ?",
         )
@@ -99,21 +101,21 @@ impl Store {
         .bind(limit)
         .fetch_all(&self.readers)
         .await?;
-        Ok(records.iter().map(|record| serde_json::from_str(record)).collect::<Result<_, _>>()?)
+        Ok(records.into_iter().filter_map(parse_listed).collect())
     }
 
     /// The latest [`MAX_EVALUATIONS`] evaluations of a model, newest first.
     pub(crate) async fn evaluations_of(&self, model: &str) -> Result<Vec<Value>, StoreError> {
-        let records: Vec<String> = sqlx::query_scalar(
-            "SELECT record FROM records
-             WHERE kind = ? AND json_extract(record, '$.model_id') = ? ORDER BY seq DESC LIMIT ?",
+        let records: Vec<(String, String)> = sqlx::query_as(
+            "SELECT id, record FROM records
+             WHERE kind = ? AND model = ? ORDER BY seq DESC LIMIT ?",
         )
         .bind(RecordKind::Evaluation.name())
         .bind(model)
         .bind(MAX_EVALUATIONS)
         .fetch_all(&self.readers)
         .await?;
-        Ok(records.iter().map(|record| serde_json::from_str(record)).collect::<Result<_, _>>()?)
+        Ok(records.into_iter().filter_map(parse_listed).collect())
     }
 }
 

@@ -1,13 +1,20 @@
 //! Object of a job: parameters, validation and command line.
 
 use super::command_line::option_args;
-use super::param_checks::{Invalid, invalid};
+use super::param_checks::{Invalid, check_range, invalid};
 use objects::catalog::CATALOG;
 use objects::object::Object;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 use utoipa::ToSchema;
 use utoipa::openapi::schema::{ObjectBuilder, Schema, SchemaType, Type};
+
+/// Accepted masses (kg): from a sheet of paper to more than any robot hand lifts. The physics needs masses of
+/// similar orders of magnitude.
+const MASS_RANGE_KG: [f64; 2] = [0.001, 100.0];
+
+/// Accepted densities (kg/m³): from aerogel to osmium.
+const DENSITY_RANGE_KG_M3: [f64; 2] = [1.0, 23_000.0];
 
 /// Object of a job: a built-in object, or an uploaded mesh with its mass or density.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
@@ -30,10 +37,13 @@ pub(crate) struct ObjectParams {
 impl ObjectParams {
     /// Accepts a built-in object, or a mesh with its mass or density; with `required` false, also no object.
     pub(super) fn validate(&self, required: bool) -> Result<(), Invalid> {
-        let masses = [("mass_kg", self.mass_kg), ("density_kg_m3", self.density_kg_m3)];
-        for (param, value) in masses {
-            if value.is_some_and(|value| !(value.is_finite() && value > 0.0)) {
-                return Err(invalid(param, "must be a positive number"));
+        let masses = [
+            ("mass_kg", self.mass_kg, MASS_RANGE_KG),
+            ("density_kg_m3", self.density_kg_m3, DENSITY_RANGE_KG_M3),
+        ];
+        for (param, value, [min, max]) in masses {
+            if let Some(value) = value {
+                check_range(param, value, min, max)?;
             }
             if value.is_some() && self.mesh_id.is_none() {
                 return Err(invalid(

@@ -34,8 +34,37 @@ impl JobScheduler {
         // The rename is atomic, so another job can generate the same dataset again. It precedes the deletion
         // of the record, so a crash leaves no files without a record.
         ignore_missing(tokio::fs::rename(&folder, &trash).await)?;
-        self.store.delete_record(RecordKind::Dataset, text("id")).await?;
-        Ok(ignore_missing(tokio::fs::remove_dir_all(&trash).await)?)
+        let deleted = self.store.delete_record(RecordKind::Dataset, text("id")).await;
+        ignore_missing(tokio::fs::remove_dir_all(&trash).await)?;
+        match deleted {
+            // The files have made space for the database.
+            Err(error) if error.is_disk_full() => {
+                self.store.delete_record(RecordKind::Dataset, text("id")).await
+            }
+            deleted => deleted,
+        }
+    }
+
+    /// Deletes a finished or damaged job and its folder. On a full disk, the folder is deleted first, because the
+    /// database needs its space.
+    pub(crate) async fn delete_job(&self, id: &str, delete_files: bool) -> Result<(), StoreError> {
+        match self.delete_job_records(id, delete_files).await {
+            Err(error) if error.is_disk_full() => {
+                self.remove_job_dir(id).await;
+                self.delete_job_records(id, delete_files).await?;
+            }
+            deleted => deleted?,
+        }
+        self.remove_job_dir(id).await;
+        Ok(())
+    }
+
+    /// Deletes the rows of a job, optionally with its stored files.
+    async fn delete_job_records(&self, id: &str, delete_files: bool) -> Result<(), StoreError> {
+        if delete_files {
+            self.store.delete_files(id, None).await?;
+        }
+        self.store.delete_job(id).await
     }
 
     /// Deletes the folder of a finished job after its worker has released the lock, or after 2 s.
@@ -61,12 +90,15 @@ impl JobScheduler {
         let mut entries = tokio::fs::read_dir(self.work_dir()).await?;
         while let Some(entry) = entries.next_entry().await? {
             let id = entry.file_name().to_string_lossy().into_owned();
-            if self.store.job(&id).await?.is_none() {
+            if !self.store.has_job(&id).await? {
                 self.remove_job_dir(&id).await;
             }
         }
         for id in self.store.orphan_meshes().await? {
-            self.store.delete_files(&id, None).await?;
+            // A full disk does not prevent the start.
+            if let Err(error) = self.store.delete_files(&id, None).await {
+                tracing::warn!(mesh = id, %error, "cannot delete the file of a deleted mesh");
+            }
         }
         Ok(())
     }
@@ -91,6 +123,19 @@ fn ignore_missing(result: std::io::Result<()>) -> std::io::Result<()> {
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(()),
         other => other,
     }
+}
+
+/// Deletes incomplete artifacts of a former server process that was killed: `HASH#NUMBER`.
+pub(super) fn remove_incomplete(artifacts: &Path) -> std::io::Result<()> {
+    for folder in std::fs::read_dir(artifacts).into_iter().flatten() {
+        for file in std::fs::read_dir(folder?.path()).into_iter().flatten() {
+            let path = file?.path();
+            if path.file_name().is_some_and(|name| name.to_string_lossy().contains('#')) {
+                ignore_missing(std::fs::remove_file(path))?;
+            }
+        }
+    }
+    Ok(())
 }
 
 /// Completes the dataset deletions that a former server process did not finish.

@@ -8,8 +8,22 @@ use serde_json::json;
 use worker_protocol::{Completion, Directive, Progress, ReportReply, WorkerEvent, WorkerReport};
 
 impl JobScheduler {
-    /// Applies a report of the worker of a job, and returns the instruction to the worker.
+    /// Applies a report of the worker of a job, and returns the instruction to the worker. After an error of the
+    /// server, the worker repeats the report.
     pub(crate) async fn apply_report(
+        &self,
+        id: &str,
+        token: &str,
+        report: WorkerReport,
+    ) -> Result<ReportReply, Problem> {
+        let reply = self.try_apply_report(id, token, report).await;
+        if reply.as_ref().is_err_and(|problem| problem.status.is_server_error()) {
+            self.report_failed();
+        }
+        reply
+    }
+
+    async fn try_apply_report(
         &self,
         id: &str,
         token: &str,
@@ -63,12 +77,17 @@ impl JobScheduler {
     /// Finishes a job whose worker has reported its completion.
     async fn apply_completion(&self, job: &Job, completion: Completion) -> Result<(), Problem> {
         let outcome = match completion {
-            Completion::Succeeded => self.collect_outputs(job).await.map_err(|error| JobError {
-                code: "invalid_output".into(),
-                message: error.to_string(),
-                param: None,
-                hint: Some("check the job log".into()),
-            }),
+            Completion::Succeeded => match self.collect_outputs(job).await {
+                Ok(outputs) => Ok(outputs),
+                // The outputs are complete; the worker reports them again until they can be stored.
+                Err(error) if error.is_disk_full() => return Err(error.into()),
+                Err(error) => Err(JobError {
+                    code: "invalid_output".into(),
+                    message: error.to_string(),
+                    param: None,
+                    hint: Some("check the job log".into()),
+                }),
+            },
             Completion::Failed(message) => {
                 let hint = Some("check the job log; a retry resumes from stored progress".into());
                 Err(JobError { code: "job_failed".into(), message, param: None, hint })

@@ -1,0 +1,23 @@
+-- Lists read the columns that they filter and sort by from one narrow index; a record has several kilobytes.
+CREATE INDEX jobs_by_id ON jobs (id, status, kind);
+
+-- Metadata of jobs, for filters of lists.
+CREATE TABLE job_metadata (
+    key   TEXT NOT NULL,
+    value TEXT NOT NULL,
+    job   TEXT NOT NULL,
+    PRIMARY KEY (key, value, job)
+) STRICT, WITHOUT ROWID;
+CREATE INDEX job_metadata_by_job ON job_metadata (job);
+INSERT INTO job_metadata
+    SELECT entry.key, entry.value, jobs.id FROM jobs,
+        json_each(CASE WHEN json_valid(record) THEN record ELSE '{}' END, '$.metadata') AS entry
+    WHERE entry.type = 'text';
+
+-- Evaluations of a model are found by an index. Records that are not JSON have no model.
+ALTER TABLE records ADD COLUMN model TEXT AS
+    (CASE WHEN json_valid(record) THEN CAST(json_extract(record, '$.model_id') AS TEXT) END) VIRTUAL;
+CREATE INDEX records_by_model ON records (kind, model, seq);
+
+-- The deletion of a file asks for other owners of its contents.
+CREATE INDEX artifact_names_by_hash ON artifact_names (hash);

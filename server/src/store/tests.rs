@@ -1,0 +1,153 @@
+//! Full databases, and the duration of queries of large ones.
+
+use super::{EventType, NewEvent, Store};
+use crate::AppState;
+use crate::jobs::kinds::MeshParams;
+use crate::jobs::scheduler::{JobScheduler, SchedulerConfig};
+use crate::jobs::{Inputs, Job, Params};
+use axum::Router;
+use axum::body::Body;
+use axum::http::Request;
+use http_body_util::BodyExt;
+use serde_json::{Value, json};
+use std::time::{Duration, Instant};
+use tower::ServiceExt;
+
+fn job() -> Job {
+    let mut job =
+        Job::new(Params::MeshPrepare(MeshParams { mesh_id: "msh_1".into() }), Inputs::default());
+    job.metadata = json!({ "of": "test" }).as_object().cloned().unwrap();
+    job
+}
+
+#[tokio::test]
+async fn store_writes_again_after_a_transaction_failed_on_a_full_disk() {
+    let folder = tempfile::tempdir().unwrap();
+    let store = Store::open(folder.path()).await.unwrap();
+    store.create(&job(), None).await.unwrap();
+    // SQLite reports a full disk at this number of pages. The limit ends with the connection.
+    let pages: i64 =
+        sqlx::query_scalar("PRAGMA page_count").fetch_one(&store.writer).await.unwrap();
+    let limit = sqlx::AssertSqlSafe(format!("PRAGMA max_page_count = {pages}"));
+    sqlx::query(limit).execute(&store.writer).await.unwrap();
+    let failure = async {
+        loop {
+            if let Err(error) = store.create(&job(), None).await {
+                return error;
+            }
+        }
+    };
+    let failure = failure.await;
+    assert!(failure.is_disk_full(), "{failure}");
+    store.create(&job(), None).await.unwrap();
+    store.check_writable().await.unwrap();
+}
+
+/// A server, its scheduler and its folder.
+async fn server() -> (Router, std::sync::Arc<JobScheduler>, tempfile::TempDir) {
+    let folder = tempfile::tempdir().unwrap();
+    let config = SchedulerConfig {
+        data_dir: folder.path().to_owned(),
+        models_dir: folder.path().join("models"),
+        program: "ngf".into(),
+        max_concurrent: 0,
+        min_free_bytes: 0,
+    };
+    let scheduler = JobScheduler::open(config).await.unwrap();
+    let state = AppState::new(folder.path(), folder.path());
+    let state = state.with_scheduler(scheduler.clone(), tokio::sync::watch::channel(false).1);
+    (crate::app(state), scheduler, folder)
+}
+
+/// The shortest of five durations of a GET request, and its response. Other tests run at the same time.
+async fn timed(app: &Router, path: &str) -> (Duration, Value) {
+    let mut shortest = Duration::MAX;
+    let mut bytes = Default::default();
+    for _ in 0..5 {
+        let start = Instant::now();
+        let request = Request::get(format!("/api/v1{path}")).body(Body::empty()).unwrap();
+        let response = app.clone().oneshot(request).await.unwrap();
+        bytes = response.into_body().collect().await.unwrap().to_bytes();
+        shortest = shortest.min(start.elapsed());
+    }
+    (shortest, serde_json::from_slice(&bytes).unwrap())
+}
+
+#[tokio::test]
+async fn metrics_of_a_long_training_are_read_within_50_ms() {
+    let (app, scheduler, _folder) = server().await;
+    let job = job();
+    scheduler.store.create(&job, None).await.unwrap();
+    // 200,000 events in reports of a second of a fast training.
+    for report in 0..400 {
+        let append = |_: &mut Job, events: &mut Vec<NewEvent>| {
+            events.extend((0..500).map(|event| {
+                let step = 500 * report + event + 1;
+                let loss = if step == 123_457 { 9.0 } else { 1.0 / f64::from(step) };
+                let data = json!({
+                    "step": step, "loss": loss, "imitation": 0.5 * loss, "fingertips": 0.1,
+                    "rate": 1e-4, "gradient": f64::from(event), "steps_per_second": 480.0,
+                });
+                NewEvent::new(EventType::Metric, "", data)
+            }));
+            Ok::<_, ()>(())
+        };
+        scheduler.store.update(&job.id, append).await.unwrap().unwrap().unwrap();
+    }
+    let (duration, metrics) = timed(&app, &format!("/jobs/{}/metrics", job.id)).await;
+    println!("metrics of 200,000 events: {duration:?}");
+    let steps = metrics["step"].as_array().unwrap();
+    assert!((500..=1100).contains(&steps.len()), "{}", steps.len());
+    let peak = steps.iter().position(|step| step == 123_457).expect("the peak is kept");
+    assert_eq!(metrics["loss"][peak], 9);
+    assert!(duration <= Duration::from_millis(50), "{duration:?}");
+    // All rows are there, in order.
+    let path =
+        format!("/jobs/{}/metrics?keys=gradient&max_points=100000&after_step=150000", job.id);
+    let (_, all) = timed(&app, &path).await;
+    assert_eq!(all["step"].as_array().unwrap().len(), 50_000);
+    assert_eq!((&all["step"][0], &all["gradient"][0]), (&json!(150_001), &json!(0)));
+    scheduler.store.delete_job(&job.id).await.unwrap();
+    let chunks: i64 = sqlx::query_scalar("SELECT count(*) FROM metric_chunks")
+        .fetch_one(&scheduler.store.readers)
+        .await
+        .unwrap();
+    assert_eq!(chunks, 0);
+}
+
+#[tokio::test]
+async fn filtered_lists_of_10000_jobs_are_read_within_10_ms() {
+    let (app, scheduler, _folder) = server().await;
+    let job = job();
+    scheduler.store.create(&job, None).await.unwrap();
+    // Copies of the job; every thousandth one has failed, with rare metadata.
+    sqlx::raw_sql(
+        "WITH RECURSIVE numbers (n) AS (SELECT 1 UNION ALL SELECT n + 1 FROM numbers WHERE n < 10000)
+         INSERT INTO jobs (id, kind, status, priority, lease_until, record)
+         SELECT printf('job_0%031d', n), kind, iif(n % 1000 = 0, 'failed', 'succeeded'), 0, 0,
+             json_set(record, '$.id', printf('job_0%031d', n), '$.name', printf('%.*c', 200, 'x'),
+                 '$.status', iif(n % 1000 = 0, 'failed', 'succeeded'))
+         FROM jobs, numbers;
+         INSERT INTO job_metadata SELECT 'of', iif(status = 'failed', 'rare', 'frequent'), id FROM jobs
+         WHERE id LIKE 'job_0000%';",
+    )
+    .execute(&scheduler.store.writer)
+    .await
+    .unwrap();
+    for (query, count) in [
+        ("", 20),
+        ("?limit=100", 100),
+        ("?status=failed", 10),
+        ("?status=failed,cancelled&kind=mesh.prepare&limit=100", 10),
+        ("?kind=dataset.generate", 0),
+        ("?metadata[of]=rare", 10),
+        ("?metadata[of]=frequent&order=asc", 20),
+        ("?metadata[of]=frequent&status=failed", 0),
+        ("?metadata[of]=absent", 0),
+    ] {
+        let (duration, jobs) = timed(&app, &format!("/jobs{query}")).await;
+        println!("{query}: {duration:?}");
+        assert_eq!(jobs["data"].as_array().unwrap().len(), count, "{query}");
+        assert!(duration <= Duration::from_millis(10), "{query}: {duration:?}");
+    }
+}
