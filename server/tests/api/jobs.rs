@@ -67,6 +67,18 @@ async fn invalid_requests_are_rejected_with_the_parameter_name() {
         // An array of the member values, which serde alone would accept.
         (r#"["dataset.generate", {"preset": "smoke"}]"#, 400, "malformed_json", None),
         (r#"{"kind": "dataset.make"}"#, 422, "invalid_parameter", Some("kind")),
+        (
+            r#"{"kind": "mesh.prepare", "kind": "dataset.generate"}"#,
+            422,
+            "invalid_parameter",
+            Some("kind"),
+        ),
+        (
+            r#"{"kind": "dataset.generate", "params": {"seed": 1, "seed": 2}}"#,
+            422,
+            "invalid_parameter",
+            Some("seed"),
+        ),
         (r#"{"kind": "dataset.generate", "param": {}}"#, 422, "invalid_parameter", Some("param")),
         (
             r#"{"kind": "dataset.generate", "params": {"seed": "x"}}"#,
@@ -279,8 +291,9 @@ async fn range_of_an_empty_log_is_ignored() {
 }
 
 #[tokio::test]
-async fn restart_deletes_folders_of_deleted_jobs() {
+async fn restart_deletes_folders_of_deleted_jobs_and_incomplete_artifacts() {
     let folder = tempfile::tempdir().unwrap();
+    let artifacts = folder.path().join("data/artifacts");
     let job_dir = |id: &str| folder.path().join("data/work").join(id);
     let id = {
         let app = app(test_state(folder.path()).await);
@@ -288,10 +301,15 @@ async fn restart_deletes_folders_of_deleted_jobs() {
         for id in [&id, "job_gone"] {
             std::fs::create_dir_all(job_dir(id).join("out")).unwrap();
         }
+        std::fs::create_dir_all(artifacts.join("ab")).unwrap();
+        for name in ["ab12", "ab12#1"] {
+            std::fs::write(artifacts.join("ab").join(name), "x").unwrap();
+        }
         id
     };
     test_state(folder.path()).await;
     assert!(job_dir(&id).exists() && !job_dir("job_gone").exists());
+    assert!(artifacts.join("ab/ab12").exists() && !artifacts.join("ab/ab12#1").exists());
 }
 
 #[tokio::test]

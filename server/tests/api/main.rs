@@ -2,7 +2,12 @@
 
 #![allow(clippy::unwrap_used, reason = "test helpers fail by panicking")]
 
+mod access;
+mod clients;
+mod connections;
+mod database;
 mod files;
+mod full_disk;
 mod jobs;
 mod meshes;
 mod openapi;

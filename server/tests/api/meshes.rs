@@ -27,6 +27,20 @@ async fn bytes(response: axum::response::Response) -> Bytes {
 }
 
 #[tokio::test]
+async fn mesh_with_the_name_of_a_drawing_is_not_displayed_by_browsers() {
+    let (app, _folder) = test_app().await;
+    let mesh = json_of(send(&app, "POST", "/meshes?name=x.svg", TETRAHEDRON).await).await;
+    let file = format!("/meshes/{}/file", mesh["id"].as_str().unwrap());
+    let file = send(&app, "GET", &file, "").await;
+    assert_eq!(file.headers()["content-type"], "application/octet-stream");
+    let disposition = file.headers()["content-disposition"].to_str().unwrap();
+    assert_eq!(disposition, "attachment; filename*=UTF-8''x.svg");
+    let artifact = format!("/artifacts/{}", mesh["hash"].as_str().unwrap());
+    let artifact = send(&app, "GET", &artifact, "").await;
+    assert!(artifact.headers()["content-disposition"].to_str().unwrap().starts_with("attachment"));
+}
+
+#[tokio::test]
 async fn equal_bytes_are_stored_as_one_mesh() {
     let (app, _folder) = test_app().await;
     let path = "/meshes?name=../../tetra.obj";

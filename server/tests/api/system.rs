@@ -20,8 +20,13 @@ async fn get(app: &Router, path: &str) -> Response {
     response
 }
 
-async fn metrics(app: &Router) -> String {
-    let body = get(app, "/metrics").await.into_body().collect().await.unwrap();
+/// Metrics in the format that a client accepts.
+async fn metrics(app: &Router, accept: &str) -> String {
+    let request = Request::get("/metrics").header("accept", accept).body(Body::empty()).unwrap();
+    let response = app.clone().oneshot(request).await.unwrap();
+    let format = accept.split(';').next().unwrap();
+    assert!(response.headers()["content-type"].to_str().unwrap().starts_with(format));
+    let body = response.into_body().collect().await.unwrap();
     String::from_utf8(body.to_bytes().to_vec()).unwrap()
 }
 
@@ -35,7 +40,7 @@ async fn server_reports_readiness_version_and_metrics() {
     assert_eq!(job.status(), StatusCode::CREATED);
     send(&app, "GET", "/jobs/job_1", "").await;
     send(&app, "GET", "/jobs/job_2", "").await;
-    let text = metrics(&app).await;
+    let text = metrics(&app, "application/openmetrics-text;version=1.0.0").await;
     for line in [
         r#"ngf_jobs{kind="dataset.generate",status="queued"} 1"#,
         r#"ngf_jobs{kind="policy.train",status="running"} 0"#,
@@ -46,6 +51,19 @@ async fn server_reports_readiness_version_and_metrics() {
     ] {
         assert!(text.lines().any(|found| found == line), "{line}\n{text}");
     }
+    let text = metrics(&app, "text/plain").await;
+    for line in [
+        "# TYPE ngf_build_info gauge",
+        "# TYPE ngf_upload_bytes_total counter",
+        "ngf_upload_bytes_total 0",
+        r#"ngf_jobs{kind="dataset.generate",status="queued"} 1"#,
+    ] {
+        assert!(text.lines().any(|found| found == line), "{line}\n{text}");
+    }
+    let types = ["counter", "gauge", "histogram"];
+    let is_known = |line: &str| types.iter().any(|kind| line.ends_with(kind));
+    assert!(text.lines().filter(|line| line.starts_with("# TYPE")).all(is_known), "{text}");
+    assert!(!text.contains("# EOF") && !text.contains("# UNIT"), "{text}");
 }
 
 const DATASET: &str = r#"{"kind": "dataset.generate"}"#;
@@ -89,7 +107,7 @@ async fn only_allowed_origins_may_write() {
     // DNS rebinding: a foreign name for the address of the server.
     let rebound = [("origin", "http://evil.example:80"), ("host", "evil.example:80")];
     let response = send_with(&app, "POST", "/jobs", DATASET, &rebound).await;
-    assert_problem(response, 403, "origin_not_allowed").await;
+    assert_problem(response, 403, "host_not_allowed").await;
     let foreign = [("origin", "https://evil.example"), ("host", "localhost:8787")];
     let response = send_with(&app, "POST", "/jobs", DATASET, &foreign).await;
     assert!(response.headers().get("access-control-allow-origin").is_none());

@@ -4,7 +4,11 @@
 #![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
 
 mod api_docs;
+#[cfg(unix)]
+mod connections;
 mod datasets;
+#[cfg(unix)]
+mod full_disk;
 mod openapi_conformance;
 mod server;
 mod stress;
