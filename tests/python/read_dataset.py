@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import polars as pl
+import pyarrow.parquet as pq
 from safetensors.numpy import load_file
 
 DOF = 23
@@ -63,20 +64,57 @@ def test_episodes_cover_all_rows(folder: Path) -> None:
         assert (rows_of_episode["episode_index"] == episode).all()
         assert rows_of_episode["frame_index"].to_list() == list(range(end - start))
         assert table["contact_row"][episode] < end - start
-    for name in ("observation.state", "action"):
+    widths = {"observation.state": 2 * DOF, "observation.environment_state": 7, "action": 2 * DOF}
+    for name, width in widths.items():
         feature = info["features"][name]
-        assert feature["shape"] == [2 * DOF] and len(feature["names"]) == 2 * DOF
+        assert feature["shape"] == [width] and len(feature["names"]) == width
+    # LeRobot 0.6 rejects a dataset in which one of these is not positive.
+    for name in ("fps", "chunks_size", "data_files_size_in_mb", "video_files_size_in_mb"):
+        assert info[name] > 0, f"{name} is {info[name]}"
+
+
+def test_environment_state_is_the_pose_of_the_episode(folder: Path) -> None:
+    frame, table = rows(folder), episodes(folder)
+    state = vectors(frame, "observation.environment_state")
+    for episode in table.iter_rows(named=True):
+        of_episode = state[episode["dataset_from_index"] : episode["dataset_to_index"]]
+        pose = [episode["x"], episode["y"], np.sin(episode["yaw"]), np.cos(episode["yaw"])]
+        assert np.allclose(of_episode[:, :4], pose, atol=1e-6)
+    # Extents of the sugar box, from assets/objects/ycb/sugar_box.toml.
+    assert np.allclose(state[:, 4:], [0.049, 0.094, 0.176], atol=1e-4)
+
+
+def test_tasks_are_indexed_by_their_text(folder: Path) -> None:
+    table = pq.read_table(folder / "meta/tasks.parquet")
+    # Without this metadata, LeRobot reads the task as a row number.
+    assert table.schema.pandas_metadata["index_columns"] == ["task"]
+    tasks = dict(zip(table["task_index"].to_pylist(), table["task"].to_pylist()))
+    assert tasks == {0: "lift the sugar box"}
+    assert set(rows(folder)["task_index"]) == {0}
 
 
 def test_statistics_match_the_rows(folder: Path) -> None:
     stats = json.loads((folder / "meta/stats.json").read_text())
     frame = rows(folder)
-    for name in ("observation.state", "action"):
-        values = vectors(frame, name)
-        assert np.allclose(stats[name]["mean"], values.mean(0), atol=1e-6)
-        assert np.allclose(stats[name]["std"], values.std(0), atol=1e-5)
-        assert np.allclose(stats[name]["min"], values.min(0), atol=1e-6)
+    assert set(stats) == set(json.loads((folder / "meta/info.json").read_text())["features"])
+    for name in stats:
+        values = vectors(frame, name).reshape(len(frame), -1)
+        of = {key: np.array(value) for key, value in stats[name].items()}
+        assert np.allclose(of["mean"], values.mean(0), atol=1e-6)
+        assert np.allclose(of["std"], values.std(0), atol=1e-5)
+        assert np.allclose(of["min"], values.min(0)) and np.allclose(of["max"], values.max(0))
         assert stats[name]["count"] == [len(values)]
+        # A quantile is accurate to 1/4096 of the range.
+        tolerance = (of["max"] - of["min"]) / 4096 + 1e-6
+        for key, level in {"q01": 0.01, "q10": 0.1, "q50": 0.5, "q90": 0.9, "q99": 0.99}.items():
+            assert ((values <= of[key] + tolerance).mean(0) >= level).all(), (name, key)
+            assert ((values < of[key] - tolerance).mean(0) <= level).all(), (name, key)
+
+
+def test_card_selects_the_rows_for_hugging_face(folder: Path) -> None:
+    header = (folder / "README.md").read_text().split("---\n")[1]
+    assert "data_files: data/*/*.parquet" in header and "- LeRobot" in header
+    assert len(list(folder.glob("data/*/*.parquet"))) > 0
 
 
 def test_every_kept_attempt_is_an_episode(folder: Path) -> None:

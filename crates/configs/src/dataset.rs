@@ -11,8 +11,8 @@ use objects::catalog::{CATALOG, CatalogEntry};
 /// variants differ in shoulder height. 14: variants are grasped at the shoulder. 15: much lower shoulders,
 /// and grasps that withstand them. 16: grasps of the bottle are selected by their success on similar objects.
 /// 17: objects are also placed nearer and farther than in an attempt. 18: this is reverted. 19: new names of
-/// fields and columns.
-pub const VERSION: u32 = 19;
+/// fields and columns. 20: environment state, quantiles, dataset card.
+pub const VERSION: u32 = 20;
 
 /// Requested contents of a dataset. Together with the program version, it determines the bytes of the
 /// dataset.
@@ -50,6 +50,9 @@ pub struct DatasetConfig {
     pub encoder_objects: Vec<String>,
     /// Encoder clouds per object.
     pub encoder_clouds: usize,
+    /// Whether rows contain the noisy cloud of their episode, in the column `observation.pointcloud`. It has 6
+    /// kB per row before compression.
+    pub point_cloud_column: bool,
 }
 
 /// Names of the presets with a description.
@@ -116,6 +119,7 @@ impl DatasetConfig {
             clouds: 4,
             encoder_objects: owned(&ENCODER_OBJECTS),
             encoder_clouds: 1000,
+            point_cloud_column: false,
         };
         Some(match name {
             "smoke" => Self {

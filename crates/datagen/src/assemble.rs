@@ -4,13 +4,16 @@ use crate::generate::{FileBatch, Generator, provenance};
 use crate::summary::summarize;
 use anyhow::{Context, Result};
 use dataset::dataset::CLOUD_BLOCK;
-use dataset::lerobot::{self, ACTION_DIM, ColumnStats, EpisodeIndex, data_file_path};
+use dataset::lerobot::{
+    self, CARD_FILE, EpisodeIndex, FeatureRanges, FeatureStats, Metadata, PoseFrames,
+    data_file_path,
+};
 use dataset::manifest;
 use dataset::parquet_io::{self, Column, Columns};
-use dataset::shard::{CLOUD_POINTS, DemoOutcome, DemoTrial, PoseShard, STATE_DIM};
+use dataset::shard::{CLOUD_POINTS, DemoOutcome, DemoTrial, PoseShard};
 use dataset_manifest::{SUMMARY_FILE, Summary};
 use files::{atomic_file, tensors};
-use robot::DOF;
+use objects::object::Object;
 use std::collections::BTreeMap;
 
 impl Generator<'_> {
@@ -18,24 +21,29 @@ impl Generator<'_> {
     pub(crate) fn assemble(&self) -> Result<()> {
         let (dir, config) = (&self.dataset.dir, &self.dataset.config);
         let names = &config.objects;
-        let mut stats = [ColumnStats::new(STATE_DIM), ColumnStats::new(ACTION_DIM)];
         // Shards without rows and clouds, as needed for the tables; the rows stay on disk.
         let mut shards = Vec::new();
         for name in names {
             for index in 0..config.poses {
                 let mut shard = self.read_shard(name, index)?;
-                stats[0].add(&shard.states, STATE_DIM, 0);
-                stats[1].add(&shard.accelerations, DOF, 0);
-                stats[1].add(&shard.targets, DOF, DOF);
                 (shard.states, shard.accelerations, shard.targets) = Default::default();
                 (shard.noisy, shard.clean) = Default::default();
                 shards.push(shard);
             }
         }
         let episodes = self.index_episodes(&shards);
-        self.write_rows(&episodes)?;
+        let groups = row_groups(&episodes);
+        self.write_rows(&groups)?;
         self.write_clouds()?;
-        lerobot::write_meta(dir, &self.robot.tree, names, &episodes, &stats)?;
+        let stats = self.feature_stats(&groups)?;
+        let metadata = Metadata {
+            tree: &self.robot.tree,
+            objects: names,
+            episodes: &episodes,
+            stats: &stats,
+            has_point_cloud: config.point_cloud_column,
+        };
+        metadata.write(dir)?;
         let by_object = || names.iter().zip(shards.chunks(config.poses));
         let trials = by_object().map(|(name, shards)| Ok(trial_columns(name, shards)));
         parquet_io::write(&dir.join("attempts.parquet"), trials, None)?;
@@ -44,7 +52,11 @@ impl Generator<'_> {
         let summary: BTreeMap<&String, Summary> =
             by_object().map(|(name, shards)| (name, summarize(shards, config))).collect();
         atomic_file::write(&dir.join(SUMMARY_FILE), &serde_json::to_vec_pretty(&summary)?)?;
-        let manifest = manifest::build(dir, provenance(config, self.objects))?;
+        let provenance = provenance(config, self.objects);
+        let card =
+            lerobot::card(&provenance, self.is_built_in(), episodes.len(), metadata.num_rows());
+        atomic_file::write(&dir.join(CARD_FILE), card.as_bytes())?;
+        let manifest = manifest::build(dir, provenance)?;
         manifest::write(&manifest, dir)
     }
 
@@ -70,25 +82,55 @@ impl Generator<'_> {
         episodes
     }
 
+    /// Whether every object comes with this project.
+    fn is_built_in(&self) -> bool {
+        let is_built_in = |(name, object): (&String, &Object)| {
+            Object::from_catalog(name).is_some_and(|built_in| built_in.hash() == object.hash())
+        };
+        self.objects.iter().all(is_built_in)
+    }
+
+    /// Columns of the rows at a pose.
+    fn read_columns(&self, group: &RowGroup) -> Result<Columns> {
+        let config = &self.dataset.config;
+        let name = &config.objects[group.object];
+        let shard = self.read_shard(name, group.pose)?;
+        let frames = PoseFrames {
+            shard: &shard,
+            object: group.object,
+            extents: self.object(name)?.size().to_array(),
+            episode: group.episode,
+            row: group.row,
+            has_point_cloud: config.point_cloud_column,
+        };
+        Ok(frames.columns())
+    }
+
+    /// Statistics of all rows, in two passes.
+    fn feature_stats(&self, groups: &[RowGroup]) -> Result<FeatureStats> {
+        let mut ranges = FeatureRanges::default();
+        for (i, group) in groups.iter().enumerate() {
+            self.progress.update("statistics", i, 2 * groups.len());
+            ranges.add(&self.read_columns(group)?);
+        }
+        let mut stats = ranges.into_stats();
+        for (i, group) in groups.iter().enumerate() {
+            self.progress.update("statistics", groups.len() + i, 2 * groups.len());
+            stats.add(&self.read_columns(group)?);
+        }
+        Ok(stats)
+    }
+
     /// Writes the rows of all demonstrations, with one row group per pose.
-    fn write_rows(&self, episodes: &[EpisodeIndex]) -> Result<()> {
-        let mut files: BTreeMap<usize, Vec<[usize; 4]>> = BTreeMap::new();
-        for (number, episode) in episodes.iter().enumerate() {
-            // The row group of a pose starts with its first episode.
-            let groups = files.entry(episode.file).or_default();
-            let key = [episode.object, episode.pose];
-            if groups.last().is_none_or(|group| group[..2] != key) {
-                groups.push([episode.object, episode.pose, number, episode.rows[0]]);
-            }
+    fn write_rows(&self, groups: &[RowGroup]) -> Result<()> {
+        let mut files: BTreeMap<usize, Vec<&RowGroup>> = BTreeMap::new();
+        for group in groups {
+            files.entry(group.file).or_default().push(group);
         }
         let files: Vec<_> = files.into_iter().collect();
         let path = |i: usize| data_file_path(&self.dataset.dir, files[i].0);
         FileBatch::new("Parquet files", files.len(), self.progress, path).write_files(|i, path| {
-            let groups = files[i].1.iter().map(|&[object, pose, episode, row]| {
-                let shard = self.read_shard(&self.dataset.config.objects[object], pose)?;
-                Ok(lerobot::frame_columns(&shard, object, episode, row))
-            });
-            parquet_io::write(path, groups, None)
+            parquet_io::write(path, files[i].1.iter().map(|group| self.read_columns(group)), None)
         })
     }
 
@@ -126,6 +168,30 @@ impl Generator<'_> {
         }
         Ok(())
     }
+}
+
+/// Rows of the demonstrations at one pose.
+struct RowGroup {
+    /// Index of the Parquet file.
+    file: usize,
+    object: usize,
+    pose: usize,
+    /// Index of the first episode.
+    episode: usize,
+    /// Index of the first row.
+    row: usize,
+}
+
+/// Groups the episodes by pose.
+fn row_groups(episodes: &[EpisodeIndex]) -> Vec<RowGroup> {
+    let mut groups: Vec<RowGroup> = Vec::new();
+    for (index, episode) in episodes.iter().enumerate() {
+        let &EpisodeIndex { file, object, pose, rows, .. } = episode;
+        if groups.last().is_none_or(|group| [group.object, group.pose] != [object, pose]) {
+            groups.push(RowGroup { file, object, pose, episode: index, row: rows[0] });
+        }
+    }
+    groups
 }
 
 /// Columns of all trials with an object, including the failed trials.

@@ -209,7 +209,7 @@ impl Generator<'_> {
         Ok(shard)
     }
 
-    fn object(&self, name: &str) -> Result<&Object> {
+    pub(crate) fn object(&self, name: &str) -> Result<&Object> {
         self.objects.get(name).with_context(|| format!("no object named {name}"))
     }
 

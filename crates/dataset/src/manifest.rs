@@ -1,5 +1,6 @@
 //! The files of a dataset folder: writing its manifest, and verifying them.
 
+use crate::lerobot::CARD_FILE;
 use anyhow::{Context, Result, bail, ensure};
 use dataset_manifest::{CONFIG_FILE, FileEntry, MANIFEST_FILE, Manifest, Provenance, SUMMARY_FILE};
 use files::atomic_file;
@@ -62,7 +63,8 @@ pub fn verify_files(manifest: &Manifest, dir: &Path, progress: &dyn Progress) ->
 }
 
 /// Names that a dataset folder may contain.
-const KNOWN_ENTRIES: [&str; 11] = [
+const KNOWN_ENTRIES: [&str; 12] = [
+    CARD_FILE,
     CONFIG_FILE,
     MANIFEST_FILE,
     "log.jsonl",
@@ -85,7 +87,8 @@ pub fn reject_foreign_files(dir: &Path) -> Result<()> {
     for entry in std::fs::read_dir(dir).with_context(unreadable)? {
         let entry = entry.with_context(unreadable)?;
         let name = entry.file_name().to_string_lossy().into_owned();
-        let is_known = KNOWN_ENTRIES.contains(&name.as_str()) || name == SHARDS_DIR;
+        let is_known = KNOWN_ENTRIES.contains(&name.as_str())
+            || name == SHARDS_DIR;
         if !is_known && !atomic_file::is_partial(&entry.path()) {
             bail!(
                 "{} contains {name}, which does not belong to a dataset; choose an empty folder",
@@ -111,7 +114,9 @@ pub fn delete_partial_files(dir: &Path) -> Result<()> {
 fn is_hashed(path: &Path) -> bool {
     let is_metadata =
         [MANIFEST_FILE, "log.jsonl", "report.html"].iter().any(|name| path == Path::new(name));
-    !is_metadata && !path.starts_with(SHARDS_DIR) && !atomic_file::is_partial(path)
+    !is_metadata
+        && !path.starts_with(SHARDS_DIR)
+        && !atomic_file::is_partial(path)
 }
 
 /// Paths of all files below a folder, relative to it, sorted.

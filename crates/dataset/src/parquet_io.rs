@@ -25,6 +25,8 @@ pub enum Column {
     Floats(Vec<f32>),
     /// Vectors of a fixed length.
     Vectors(Vec<f32>, usize),
+    /// Point clouds with a fixed number of points, x, y, z each.
+    Clouds(Vec<f32>, usize),
     /// 64-bit integers.
     Integers(Vec<i64>),
     /// Flags, `None` where unknown.
@@ -45,10 +47,12 @@ impl Column {
             Self::Integers(values) => Arc::new(Int64Array::from(values)),
             Self::Flags(values) => Arc::new(BooleanArray::from(values)),
             Self::Texts(values) => Arc::new(StringArray::from(values)),
-            Self::Vectors(values, width) => {
-                let item = Arc::new(Field::new("item", DataType::Float32, false));
-                let values = Arc::new(Float32Array::from(values));
-                Arc::new(FixedSizeListArray::try_new(item, width as i32, values, None)?)
+            Self::Vectors(values, width) => Arc::new(vectors(values, width)?),
+            Self::Clouds(values, points) => {
+                let points_array = vectors(values, 3)?;
+                let item = Arc::new(Field::new("item", points_array.data_type().clone(), false));
+                let clouds = Arc::new(points_array);
+                Arc::new(FixedSizeListArray::try_new(item, points as i32, clouds, None)?)
             }
             Self::TextList(values) => {
                 let mut lists = arrow_array::builder::ListBuilder::new(
@@ -63,6 +67,12 @@ impl Column {
             }
         })
     }
+}
+
+fn vectors(values: Vec<f32>, width: usize) -> Result<FixedSizeListArray> {
+    let item = Arc::new(Field::new("item", DataType::Float32, false));
+    let values = Arc::new(Float32Array::from(values));
+    Ok(FixedSizeListArray::try_new(item, width as i32, values, None)?)
 }
 
 fn batch(columns: Columns) -> Result<RecordBatch> {
@@ -112,8 +122,13 @@ pub fn write(
             let batch = batch(group?)?;
             if writer.is_none() {
                 let properties = properties(&batch, metadata.clone())?;
+                // pyarrow ignores the file's own key-value pairs if the file has an Arrow schema, so the pair
+                // is part of that schema, too.
+                let pair = metadata.clone().map(|(key, value)| (key.to_owned(), value));
+                let schema =
+                    batch.schema().as_ref().clone().with_metadata(pair.into_iter().collect());
                 let file = File::create(file)?;
-                writer = Some(ArrowWriter::try_new(file, batch.schema(), Some(properties))?);
+                writer = Some(ArrowWriter::try_new(file, Arc::new(schema), Some(properties))?);
             }
             if let Some(writer) = &mut writer {
                 writer.write(&batch)?;
