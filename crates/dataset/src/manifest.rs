@@ -88,7 +88,8 @@ pub fn reject_foreign_files(dir: &Path) -> Result<()> {
         let entry = entry.with_context(unreadable)?;
         let name = entry.file_name().to_string_lossy().into_owned();
         let is_known = KNOWN_ENTRIES.contains(&name.as_str())
-            || name == SHARDS_DIR;
+            || name == SHARDS_DIR
+            || is_system_file(&entry.path());
         if !is_known && !atomic_file::is_partial(&entry.path()) {
             bail!(
                 "{} contains {name}, which does not belong to a dataset; choose an empty folder",
@@ -110,13 +111,21 @@ pub fn delete_partial_files(dir: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Manifest, log, report, shards and partial files are not part of the dataset and are not hashed.
+/// Whether a file manager or the operating system wrote the file, without the user's request: Finder, macOS on
+/// foreign file systems (`._` and the name of a file), Windows Explorer.
+fn is_system_file(path: &Path) -> bool {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    ["Thumbs.db", "desktop.ini", ".DS_Store"].contains(&name.as_ref()) || name.starts_with("._")
+}
+
+/// Manifest, log, report, shards, partial and system files are not part of the dataset and are not hashed.
 fn is_hashed(path: &Path) -> bool {
     let is_metadata =
         [MANIFEST_FILE, "log.jsonl", "report.html"].iter().any(|name| path == Path::new(name));
     !is_metadata
         && !path.starts_with(SHARDS_DIR)
         && !atomic_file::is_partial(path)
+        && !is_system_file(path)
 }
 
 /// Paths of all files below a folder, relative to it, sorted.
@@ -186,6 +195,21 @@ mod tests {
         std::fs::write(dir.join("meta/info.json"), b"{}").unwrap();
         std::fs::write(dir.join("meta/more.json"), b"{}").unwrap();
         assert!(verify().unwrap_err().contains("meta/more.json does not belong"));
+    }
+
+    #[test]
+    fn files_of_file_managers_are_ignored() {
+        let (folder, manifest) = folder();
+        let dir = folder.path();
+        for name in [".DS_Store", "meta/.DS_Store", "meta/._info.json", "Thumbs.db", "desktop.ini"]
+        {
+            std::fs::write(dir.join(name), b"icons").unwrap();
+        }
+        verify_files(&manifest, dir, &NoProgress).unwrap();
+        reject_foreign_files(dir).unwrap();
+        assert_eq!(build(dir, manifest.provenance.clone()).unwrap(), manifest);
+        std::fs::write(dir.join("meta/.hidden"), b"").unwrap();
+        assert!(verify_files(&manifest, dir, &NoProgress).is_err());
     }
 
     #[test]
