@@ -11,7 +11,7 @@ use arrow_schema::{DataType, Field, Schema};
 use files::atomic_file;
 use parquet::arrow::ArrowWriter;
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
-use parquet::basic::{Compression, Encoding, ZstdLevel};
+use parquet::basic::{Compression, Encoding};
 use parquet::file::metadata::KeyValue;
 use parquet::file::properties::{EnabledStatistics, WriterProperties};
 use parquet::schema::types::ColumnPath;
@@ -87,11 +87,11 @@ fn batch(columns: Columns) -> Result<RecordBatch> {
     Ok(RecordBatch::try_new(Arc::new(Schema::new(fields)), arrays)?)
 }
 
-/// Float vectors compress best with byte-stream split, because the leading bytes of adjacent values are
-/// similar.
+/// Snappy, as LeRobot writes: readers in browsers decompress it without an additional package. Float vectors
+/// compress best with byte-stream split, because the leading bytes of adjacent values are similar.
 fn properties(batch: &RecordBatch, metadata: Option<(&str, String)>) -> Result<WriterProperties> {
     let mut properties = WriterProperties::builder()
-        .set_compression(Compression::ZSTD(ZstdLevel::try_new(3)?))
+        .set_compression(Compression::SNAPPY)
         .set_max_row_group_row_count(None)
         .set_statistics_enabled(EnabledStatistics::Chunk);
     for field in batch.schema().fields() {
