@@ -2,8 +2,8 @@
 //!
 //! `cargo run -p examples --example 03_import_mesh [FILE]`
 
-use objects::import::{FIRST_POSE, ImportOptions, import_object};
-use progress::NoProgress;
+use objects::import::{ImportContext, ImportOptions, import_object};
+use scene::{SceneConfig, rests_on_table};
 
 /// A box of 60 x 40 x 120 mm, in millimetres, as OBJ.
 const BOX: &str = "v 0 0 0\nv 60 0 0\nv 60 40 0\nv 0 40 0\nv 0 0 120\nv 60 0 120\nv 60 40 120\n\
@@ -14,9 +14,13 @@ fn main() -> anyhow::Result<()> {
         Some(path) => (path.clone(), std::fs::read(path)?),
         None => ("box.obj".into(), BOX.as_bytes().to_vec()),
     };
-    // Options override the defaults for unit, mass and orientation.
+    // Options override the defaults for unit, size, mass and orientation.
     let options = ImportOptions { mass: Some(0.25), ..ImportOptions::default() };
-    let imported = import_object(&name, &bytes, options, FIRST_POSE, &NoProgress)?;
+    // A stable pose is offered only if the object stays in it in the simulation.
+    let config = SceneConfig::standard()?;
+    let rests = |object: &_| rests_on_table(&config, object);
+    let context = ImportContext { rests: &rests, ..ImportContext::NONE };
+    let imported = import_object(&name, &bytes, options, &context)?;
 
     let object = &imported.object;
     println!("{name}: {}", imported.unit.reason);
@@ -30,7 +34,7 @@ fn main() -> anyhow::Result<()> {
     println!("{} convex parts", object.parts.len());
 
     // The mesh library alone knows nothing of this project.
-    let properties = mesh::mass_properties(&object.mesh, imported.repair.watertight)?;
+    let properties = mesh::solid_properties(&object.mesh, imported.repair.watertight)?;
     println!("volume {:.1} cm³", 1e6 * properties.volume);
     Ok(())
 }

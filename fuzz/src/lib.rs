@@ -25,7 +25,7 @@ pub const TARGETS: [Target; 4] =
 
 /// Imports a mesh file and checks that its summary is finite.
 pub fn mesh(bytes: &[u8]) {
-    if let Ok(import) = mesh::import(bytes, None) {
+    if let Ok(import) = mesh::import(bytes, &mesh::MeshOptions::default()) {
         // An imported mesh has finite properties, or the summary is an error.
         if let Ok(summary) = mesh::MeshSummary::of(&import) {
             assert!(summary.extent_m.iter().all(|side| side.is_finite()), "{summary:?}");

@@ -4,11 +4,10 @@
 use geometry::Vec3;
 use grasps::set::catalog::catalog_grasps;
 use grasps::set::k_medoids;
-use objects::import::{self, ImportOptions, OrientationReason};
+use objects::import::{self, ImportContext, ImportOptions, OrientationReason};
 use objects::object::Object;
 use objects::shape_variant::ShapeVariant;
 use policy::model::MODEL_FILES;
-use progress::NoProgress;
 use rollout::{Attempt, Controller, FailureReason, Outcome, Phase, RolloutContext};
 use scene::Simulation;
 use std::path::Path;
@@ -39,14 +38,14 @@ fn unstable_mesh_gets_the_orientation_of_similar_training_objects() {
                 .map(|t| t.map(|i| i + 1))
                 .map(|[a, b, c]| format!("f {a} {b} {c}\n")),
         );
-        let found = import::import_object(
-            "tilted.obj",
-            file.as_bytes(),
-            ImportOptions::default(),
-            &|poses| context.most_familiar(poses),
-            &NoProgress,
-        )
-        .unwrap();
+        let import_context = ImportContext {
+            choose_orientation: &|poses| context.most_familiar(poses),
+            rests: &|object| scene::rests_on_table(&context.robot.config, object),
+            ..ImportContext::NONE
+        };
+        let options = ImportOptions::default();
+        let found =
+            import::import_object("tilted.obj", file.as_bytes(), options, &import_context).unwrap();
         println!("{name}: {:?}, {} of {height} m high", found.orientation, found.object.size().z);
         assert_eq!(found.orientation.1, OrientationReason::ChosenByModel, "{name}");
         assert!(

@@ -3,10 +3,11 @@
 use crate::protocol::{Failure, ObjectInfo, ObjectLoaded, Shape};
 use crate::statistics::Tally;
 use geometry::Vec3;
-use mesh::{Mesh, SimplifyReport};
+use mesh::{Mesh, SimplifyReport, VolumeSource};
 use objects::catalog::{YCB_FAMILY, entries_of_family};
 use objects::import::{
-    self, DEFAULT_DENSITY, ImportOptions, ImportedObject, MASS_RANGE, MassSource, stage,
+    self, DEFAULT_DENSITY, ImportContext, ImportOptions, ImportedObject, MASS_RANGE, MassSource,
+    stage,
 };
 use objects::object::Object;
 use robot::HandModel;
@@ -73,12 +74,17 @@ pub(crate) fn import_mesh(
     report: &dyn Fn(String),
 ) -> Result<LoadedObject, Failure> {
     let progress = |stage: &str, _: usize, _: usize| report(stage_text(stage, file_name));
-    let choose = |poses: &mut dyn Iterator<Item = Mesh>| context.most_familiar(poses);
-    let imported = import::import_object(file_name, bytes, options, &choose, &progress);
+    let import_context = ImportContext {
+        choose_orientation: &|poses| context.most_familiar(poses),
+        rests: &|object| scene::rests_on_table(&context.robot.config, object),
+        progress: &progress,
+        ..ImportContext::NONE
+    };
+    let imported = import::import_object(file_name, bytes, options, &import_context);
     let imported = imported.map_err(|error| {
         let (cause, hint) = error.cause_and_hint();
         Failure {
-            code: "invalid_mesh",
+            code: error.code(),
             message: format!("{file_name}: {cause}."),
             hint: format!("{hint}."),
         }
@@ -177,10 +183,10 @@ fn import_notes(imported: &ImportedObject) -> Vec<String> {
     note(repair.degenerate_triangles, "degenerate triangles removed.");
     note(repair.duplicate_triangles, "duplicate triangles removed.");
     note(repair.flipped_triangles, "triangles flipped to face outward.");
+    note(repair.debris, "loose pieces removed: small ones around the object, or far from it.");
+    note(repair.filled_holes, "small holes closed.");
     note(repair.boundary_edges, "boundary edges: the surface has holes.");
-    if imported.volume_from_hull {
-        notes.push("Mass computed from the convex hull.".into());
-    }
+    notes.extend(volume_note(imported.volume_source).map(str::to_owned));
     notes.extend(match imported.mass_source {
         MassSource::Given => None,
         MassSource::DefaultDensity => {
@@ -195,6 +201,17 @@ fn import_notes(imported: &ImportedObject) -> Vec<String> {
     });
     notes.extend(imported.orientation.1.message().map(str::to_owned));
     notes
+}
+
+/// Note on the solid from which mass and centre of mass are computed; `None` for a closed surface.
+fn volume_note(source: VolumeSource) -> Option<&'static str> {
+    Some(match source {
+        VolumeSource::Surface => return None,
+        VolumeSource::ClosedSurfaces => "Mass computed without the open surfaces.",
+        VolumeSource::Union => "Solids overlap: mass computed from their union.",
+        VolumeSource::ConvexParts => "The surface is open: mass computed from the convex parts.",
+        VolumeSource::Hull => "Mass computed from the convex hull.",
+    })
 }
 
 #[cfg(test)]
@@ -271,6 +288,16 @@ mod tests {
         let options = ImportOptions { unit: Some(Unit::Centimetre), ..ImportOptions::default() };
         let loaded = import("box.obj", BOX, options).unwrap();
         assert!((loaded.info.extent_cm[2] - 120.0).abs() < 1e-3);
+    }
+
+    #[test]
+    fn mesh_of_unit_size_asks_for_its_size() {
+        let text = BOX.replace("120", "1").replace("60", "0.5").replace("40", "0.3");
+        let failure = import("box.obj", &text, ImportOptions::default()).err().unwrap();
+        assert_eq!(failure.code, "size_required", "{}", failure.message);
+        let options = ImportOptions { size: Some(0.12), ..ImportOptions::default() };
+        let loaded = import("box.obj", &text, options).unwrap();
+        assert!((loaded.info.extent_cm[2] - 12.0).abs() < 1e-3, "{:?}", loaded.info.extent_cm);
     }
 
     #[test]

@@ -146,8 +146,17 @@ impl Worker {
             {
                 self.play_file(&file_name, &bytes);
             }
-            Request::Upload { file_name, bytes, unit, mass_kg, orientation } => {
-                let options = ImportOptions { unit, mass: mass_kg, orientation };
+            Request::Upload {
+                file_name,
+                bytes,
+                unit,
+                size_m: size,
+                scale,
+                up,
+                mass_kg: mass,
+                orientation,
+            } => {
+                let options = ImportOptions { unit, size, scale, up, mass, orientation };
                 let report = |text| post(&Event::Progress(Progress::indeterminate(text)));
                 let context = &self.session.context;
                 self.show_loaded(object_import::import_mesh(

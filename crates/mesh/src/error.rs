@@ -43,7 +43,7 @@ pub enum MeshError {
     },
     /// A count exceeds its limit.
     #[error(
-        "the file has {found} or more {what}; the limit is {limit}. Simplify (decimate) the mesh"
+        "the file has {found} or more {what}; the limit is {limit}. {}", cure_of_excess(what)
     )]
     TooMany {
         /// Counted items, plural.
@@ -106,7 +106,17 @@ pub enum MeshError {
         /// Invalid coordinate (units of the file).
         found: f64,
         /// Max magnitude (units of the file).
-        limit: f32,
+        limit: f64,
+    },
+    /// The file stores distant coordinates in single precision.
+    #[error(
+        "the mesh is {distance} units from the origin, where the single precision of the file has steps of {step} units: expected steps below a thousandth of its size. Move the mesh to the origin and export it again"
+    )]
+    Imprecise {
+        /// Distance of the centre from the origin along an axis (units of the file).
+        distance: f64,
+        /// Spacing of single-precision numbers there (units of the file).
+        step: f64,
     },
     /// The file has no faces: a point cloud, or no geometry.
     #[error(
@@ -118,7 +128,7 @@ pub enum MeshError {
     },
     /// A glTF file with geometry in an external buffer.
     #[error(
-        "the geometry of the glTF file is in another file ({uri}): expected it embedded. Export it as one GLB file"
+        "the geometry of the glTF file is in another file, {uri}, which is missing. Add that file, in the same folder or archive, or export the mesh as one GLB file"
     )]
     ExternalBuffer {
         /// URI of the buffer, quoted.
@@ -143,9 +153,25 @@ pub enum MeshError {
     /// The surface is planar and encloses no volume.
     #[error("the mesh is flat: expected a solid with a volume. Add thickness in a mesh editor")]
     Flat,
+    /// The options do not tell how large the mesh is, and neither does the file.
+    #[error(
+        "the mesh is {length} long: expected an object of 5 mm to 50 cm. Give its size, unit or scale"
+    )]
+    SizeRequired {
+        /// Longest side of the bounding box, with the unit of the format.
+        length: String,
+    },
+    /// An option of the import is invalid.
+    #[error("the option {option} of the mesh is invalid: expected {expected}. Correct the option")]
+    InvalidOption {
+        /// Name of the option.
+        option: &'static str,
+        /// Valid values.
+        expected: &'static str,
+    },
     /// The size is implausible for an object: outside 1 mm to 10 m.
     #[error(
-        "the mesh is {longest} m long if the unit is the {unit}: expected 1 mm to 10 m. Choose another unit"
+        "the mesh is {longest} m long if the unit is the {unit}: expected 1 mm to 10 m. Choose another unit or size"
     )]
     SizeOutOfRange {
         /// Longest side of the bounding box (m).
@@ -154,7 +180,26 @@ pub enum MeshError {
         unit: Unit,
     },
 }
+
+/// Cure for a count above its limit: fewer triangles do not shorten the JSON of glTF, joined parts do.
+fn cure_of_excess(what: &str) -> &'static str {
+    match what {
+        "bytes of JSON" | "objects in JSON" | "primitives" => {
+            "Join the parts into one mesh, for example with gltf-transform join"
+        }
+        _ => "Simplify (decimate) the mesh",
+    }
+}
+
 impl MeshError {
+    /// Code for programs: `size_required`, or `invalid_mesh`.
+    pub fn code(&self) -> &'static str {
+        match self {
+            Self::SizeRequired { .. } => "size_required",
+            _ => "invalid_mesh",
+        }
+    }
+
     /// The two sentences of the message, without full stops: what is wrong, and what helps.
     pub fn cause_and_hint(&self) -> (String, String) {
         let message = self.to_string();

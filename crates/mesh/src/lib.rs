@@ -5,20 +5,23 @@
 //!
 //! Start with [`import`]: it parses, repairs and scales. Then, on the imported mesh:
 //!
-//! - [`mass_properties`]: volume, centre of mass and inertia
+//! - [`solid_properties`]: volume, centre of mass and inertia
 //! - [`stable_poses`]: the faces on which the object can rest on a table
 //! - [`decompose`]: convex parts, because physics engines collide convex shapes only
 //!
-//! The mesh frame is the frame of the file's coordinates. glTF is converted to z up; the other formats do not
-//! define the up axis.
+//! The mesh frame is the frame of the file's coordinates. glTF is converted to z up, and so is a file whose up
+//! axis is given. The centre of a mesh far from the origin is subtracted.
 
 mod convex_decomposition;
 mod convex_hull;
 mod error;
 mod io;
 mod mass_properties;
+mod options;
+mod overlap;
 mod repair;
 mod simplify;
+mod solid;
 mod stable_pose;
 mod summary;
 #[cfg(test)]
@@ -29,13 +32,18 @@ mod up_axis;
 pub use convex_decomposition::{ConvexDecomposition, Method, decompose, decompose_at_resolution};
 pub use convex_hull::convex_hull;
 pub use error::{Location, MeshError};
-pub use io::{FORMATS, MAX_BYTES, MAX_TRIANGLES, MeshFormat, format_list, read};
-pub use mass_properties::{MassProperties, mass_properties};
+pub use io::{
+    ExternalFiles, FORMATS, MAX_BYTES, MAX_TRIANGLES, MeshFormat, NO_EXTERNAL_FILES, format_list, read,
+    read_with_files,
+};
+pub use mass_properties::{MassProperties, VolumeSource, mass_properties};
+pub use options::{MeshOptions, UpAxis};
 pub use repair::{RepairReport, repair};
 pub use simplify::SimplifyReport;
+pub use solid::solid_properties;
 pub use stable_pose::{StablePose, is_stable, stable_poses};
 pub use summary::MeshSummary;
-pub use unit::{ResolvedUnit, Unit, guess_unit};
+pub use unit::{ResolvedUnit, Unit};
 
 use glamx::Vec3;
 
@@ -71,23 +79,43 @@ const SIZE_RANGE_M: std::ops::RangeInclusive<f32> = 0.001..=10.0;
 /// Max number of triangles; [`import`] simplifies a larger mesh to at most this number before all other steps.
 pub const SIMPLIFY_ABOVE_TRIANGLES: usize = 1_000_000;
 
-/// Parses, simplifies, repairs and scales a mesh to metres; `unit` is guessed from the size if `None`.
+/// Parses, simplifies, repairs and scales a mesh to metres, z up.
 ///
-/// Fails if the file is not a valid mesh, or if its longest side is outside 1 mm to 10 m.
+/// Fails if the file is not a valid mesh, if its size is not certain, or if its longest side is outside 1 mm to
+/// 10 m.
 ///
 /// ```rust
+/// use mesh::{MeshOptions, Unit};
 /// // OBJ stores no unit. A side of 120 units suits an object of 120 mm.
 /// let obj = b"v 0 0 0\nv 60 0 0\nv 0 40 0\nv 0 0 120\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n";
-/// let imported = mesh::import(obj, None)?;
-/// assert_eq!(imported.unit.unit, mesh::Unit::Millimetre);
+/// let imported = mesh::import(obj, &MeshOptions::default())?;
+/// assert_eq!(imported.unit.unit, Unit::Millimetre);
 /// assert!(imported.repair.watertight);
 /// // The volume of the tetrahedron is 60 x 40 x 120 / 6 mm³ = 48 cm³.
-/// let properties = mesh::mass_properties(&imported.mesh, imported.repair.watertight)?;
+/// let properties = mesh::solid_properties(&imported.mesh, imported.repair.watertight)?;
 /// assert!((properties.volume - 48e-6).abs() < 1e-9); // m³
+/// // The size can be given instead.
+/// let options = MeshOptions { size: Some(0.24), ..MeshOptions::default() }; // m
+/// assert!((mesh::import(obj, &options)?.mesh.extent().z - 0.24).abs() < 1e-6);
 /// # Ok::<(), mesh::MeshError>(())
 /// ```
-pub fn import(bytes: &[u8], unit: Option<Unit>) -> Result<ImportedMesh, MeshError> {
-    let mesh = read(bytes)?;
+pub fn import(bytes: &[u8], options: &MeshOptions) -> Result<ImportedMesh, MeshError> {
+    import_with_files(bytes, options, NO_EXTERNAL_FILES)
+}
+
+/// [`import`] for a glTF file with its buffers in other files.
+pub fn import_with_files(
+    bytes: &[u8],
+    options: &MeshOptions,
+    files: &ExternalFiles,
+) -> Result<ImportedMesh, MeshError> {
+    let (mesh, format) = io::read_format(bytes, files)?;
+    let mesh = match (options.up, format.up) {
+        // glTF is converted from y up to z up by its parser.
+        (Some(up), Some(UpAxis::Y)) => up.to_z(UpAxis::Y.from_z(mesh)),
+        (Some(up), _) => up.to_z(mesh),
+        (None, _) => mesh,
+    };
     let (mesh, simplified) = match mesh.triangles.len() > SIMPLIFY_ABOVE_TRIANGLES {
         true => {
             let (mesh, simplified) = simplify::simplify(&mesh, SIMPLIFY_ABOVE_TRIANGLES);
@@ -96,10 +124,8 @@ pub fn import(bytes: &[u8], unit: Option<Unit>) -> Result<ImportedMesh, MeshErro
         false => (mesh, None),
     };
     let (mesh, repair) = repair(mesh)?;
-    let extent = mesh.extent();
-    let unit =
-        unit.map_or_else(|| guess_unit(extent), |unit| ResolvedUnit::from_user(unit, extent));
-    let metres = unit.unit.metres();
+    let unit = unit::resolve_unit(mesh.extent().max_element(), format.unit, options)?;
+    let metres = unit.metres_per_unit;
     let mesh = mesh.scaled(metres);
     let simplified =
         simplified.map(|s| SimplifyReport { max_displacement: s.max_displacement * metres, ..s });
@@ -107,7 +133,7 @@ pub fn import(bytes: &[u8], unit: Option<Unit>) -> Result<ImportedMesh, MeshErro
     if !SIZE_RANGE_M.contains(&longest) {
         return Err(MeshError::SizeOutOfRange { longest, unit: unit.unit });
     }
-    let is_y_up = !io::defines_up_axis(bytes) && up_axis::is_y_up(&mesh);
+    let is_y_up = options.up.is_none() && format.up.is_none() && up_axis::is_y_up(&mesh);
     Ok(ImportedMesh { mesh, unit, repair, simplified, is_y_up })
 }
 
@@ -166,7 +192,7 @@ mod tests {
     #[test]
     fn import_scales_to_metres_and_keeps_the_position() {
         let cube = test_meshes::cube().scaled(80.0).translated(Vec3::new(0.0, 0.0, 500.0));
-        let import = import(&test_meshes::obj(&cube), None).unwrap();
+        let import = import(&test_meshes::obj(&cube), &MeshOptions::default()).unwrap();
         assert_eq!(import.unit.unit, Unit::Millimetre);
         assert!(import.repair.watertight);
         let [low, high] = import.mesh.bounds();
@@ -176,7 +202,8 @@ mod tests {
     #[test]
     fn import_rejects_a_mesh_of_implausible_size() {
         let bytes = test_meshes::obj(&test_meshes::cube().scaled(80.0));
-        let error = import(&bytes, Some(Unit::Metre)).unwrap_err();
+        let metres = MeshOptions { unit: Some(Unit::Metre), ..MeshOptions::default() };
+        let error = import(&bytes, &metres).unwrap_err();
         assert_eq!(error, MeshError::SizeOutOfRange { longest: 80.0, unit: Unit::Metre });
         assert!(error.to_string().contains("80 m"), "{error}");
     }
@@ -194,10 +221,12 @@ mod tests {
             if path.extension().is_none_or(|e| e != "obj") {
                 continue;
             }
-            let import = import(&std::fs::read(&path).unwrap(), None).unwrap();
+            let bytes = std::fs::read(&path).unwrap();
+            let import = import(&bytes, &MeshOptions::default()).unwrap();
             assert!(import.repair.watertight, "{path:?}: {:?}", import.repair);
             assert_eq!(import.unit.unit, Unit::Metre, "{path:?}");
-            assert!(!mass_properties(&import.mesh, true).unwrap().from_hull, "{path:?}");
+            let source = solid_properties(&import.mesh, true).unwrap().source;
+            assert_eq!(source, VolumeSource::Surface, "{path:?}");
             let parts = decompose(&import.mesh);
             println!("{path:?}: {:?}, {} parts", parts.method, parts.hulls.len());
             assert!(parts.hulls.len() <= convex_decomposition::MAX_PARTS as usize, "{path:?}");

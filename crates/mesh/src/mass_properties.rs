@@ -6,6 +6,7 @@ use crate::convex_hull::convex_hull;
 use crate::{Mesh, MeshError};
 use glamx::Vec3;
 use glamx::{DMat3, DVec3};
+use serde::Serialize;
 
 /// Mass properties for a density of 1 kg/m³; multiply by the density (kg/m³).
 #[derive(Clone, Debug, PartialEq)]
@@ -16,12 +17,28 @@ pub struct MassProperties {
     pub center_of_mass: Vec3,
     /// Inertia about the centre of mass for a density of 1 kg/m³ (m⁵), rows, axes of the mesh frame.
     pub inertia: [[f32; 3]; 3],
-    /// Whether the values are those of the convex hull, because the mesh does not bound a valid volume.
-    pub from_hull: bool,
+    /// Solid from which the values are computed.
+    pub source: VolumeSource,
+}
+
+/// Solid from which volume, centre of mass and inertia are computed; serialized in snake case.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum VolumeSource {
+    /// The closed surface.
+    Surface,
+    /// The closed surfaces of the mesh, without open ones that enclose no volume.
+    ClosedSurfaces,
+    /// The union of solids that overlap: their common volume counts once.
+    Union,
+    /// The convex parts, because the surface is open.
+    ConvexParts,
+    /// The convex hull, because neither the surface nor the convex parts have a valid volume.
+    Hull,
 }
 
 /// Max number of vertices of the hull that replaces a mesh or bounds its volume.
-const HULL_POINTS: usize = 2000;
+pub(super) const HULL_POINTS: usize = 2000;
 /// Max ratio of a mesh's volume to its hull's: the limited hull of a round solid is slightly too small.
 pub(super) const MAX_HULL_RATIO: f64 = 1.01;
 
@@ -34,19 +51,30 @@ pub fn mass_properties(mesh: &Mesh, watertight: bool) -> Result<MassProperties, 
     let is_valid = of_mesh.volume > 0.0
         && of_mesh.volume <= MAX_HULL_RATIO * of_hull.volume
         && of_mesh.is_physical();
-    let from_hull = !(watertight && is_valid);
-    let integrals = if from_hull { of_hull } else { of_mesh };
-    if !(integrals.volume > 0.0 && integrals.is_physical()) {
-        return Err(MeshError::Flat);
+    match watertight && is_valid {
+        true => of_mesh.properties(VolumeSource::Surface),
+        false => of_hull.properties(VolumeSource::Hull),
     }
-    let inertia = integrals.inertia();
-    let rows = [0, 1, 2].map(|row| inertia.row(row).to_array().map(|x| x as f32));
-    Ok(MassProperties {
-        volume: integrals.volume,
-        center_of_mass: (integrals.origin + integrals.center()).as_vec3(),
-        inertia: rows,
-        from_hull,
-    })
+}
+
+impl MassProperties {
+    /// Values after a translation (m) of the mesh.
+    pub fn translated(self, offset: Vec3) -> Self {
+        Self { center_of_mass: self.center_of_mass + offset, ..self }
+    }
+
+    /// Values after a rotation of the mesh about the origin.
+    pub fn rotated(self, rotation: &DMat3) -> Self {
+        let rows = self.inertia.map(|row| DVec3::from_array(row.map(f64::from)));
+        // The inertia is symmetric: its rows are its columns.
+        let inertia = *rotation * DMat3::from_cols(rows[0], rows[1], rows[2]) * rotation.transpose();
+        let center_of_mass = (*rotation * self.center_of_mass.as_dvec3()).as_vec3();
+        Self { center_of_mass, inertia: rows_of(&inertia), ..self }
+    }
+}
+
+fn rows_of(matrix: &DMat3) -> [[f32; 3]; 3] {
+    [0, 1, 2].map(|row| matrix.row(row).to_array().map(|x| x as f32))
 }
 
 /// Enclosed volume (m³), negative if the faces point inward.
@@ -55,15 +83,16 @@ pub(super) fn volume(mesh: &Mesh) -> f64 {
 }
 
 /// Integrals of 1, x and x xᵀ over the solid, with x relative to `origin`.
-struct VolumeIntegrals {
-    origin: DVec3,
-    volume: f64,
-    first: DVec3,
-    second: DMat3,
+#[derive(Clone)]
+pub(super) struct VolumeIntegrals {
+    pub(super) origin: DVec3,
+    pub(super) volume: f64,
+    pub(super) first: DVec3,
+    pub(super) second: DMat3,
 }
 
 impl VolumeIntegrals {
-    fn of(mesh: &Mesh) -> Self {
+    pub(super) fn of(mesh: &Mesh) -> Self {
         let [low, high] = mesh.bounds();
         let origin = (low.as_dvec3() + high.as_dvec3()) / 2.0;
         let mut sum = Self { origin, volume: 0.0, first: DVec3::ZERO, second: DMat3::ZERO };
@@ -92,8 +121,21 @@ impl VolumeIntegrals {
         DMat3::IDENTITY * (c.x_axis.x + c.y_axis.y + c.z_axis.z) - c
     }
 
+    /// Mass properties; fails if no body can have them.
+    pub(super) fn properties(&self, source: VolumeSource) -> Result<MassProperties, MeshError> {
+        if !(self.volume > 0.0 && self.is_physical()) {
+            return Err(MeshError::Flat);
+        }
+        Ok(MassProperties {
+            volume: self.volume,
+            center_of_mass: (self.origin + self.center()).as_vec3(),
+            inertia: rows_of(&self.inertia()),
+            source,
+        })
+    }
+
     /// Whether a body can have this inertia: each moment is positive and less than the sum of the other two.
-    fn is_physical(&self) -> bool {
+    pub(super) fn is_physical(&self) -> bool {
         let i = self.inertia();
         let [x, y, z] = [i.x_axis.x, i.y_axis.y, i.z_axis.z];
         let min = f64::from(f32::MIN_POSITIVE);
@@ -101,7 +143,7 @@ impl VolumeIntegrals {
     }
 }
 
-fn outer_product(v: DVec3) -> DMat3 {
+pub(super) fn outer_product(v: DVec3) -> DMat3 {
     DMat3::from_cols(v * v.x, v * v.y, v * v.z)
 }
 
@@ -123,7 +165,7 @@ mod tests {
         let properties = mass_properties(&test_meshes::cuboid(low, high), true).unwrap();
         let side = high - low;
         let volume = side.x * side.y * side.z;
-        assert!(!properties.from_hull);
+        assert_eq!(properties.source, VolumeSource::Surface);
         near(properties.volume as f32, volume);
         (0..3).for_each(|i| near(properties.center_of_mass[i], (low[i] + high[i]) / 2.0));
         let square = side * side;
@@ -156,7 +198,7 @@ mod tests {
         let doubled = test_meshes::union(&[test_meshes::cube(), test_meshes::cube()]);
         for (mesh, watertight) in [(open, false), (inside_out, true), (doubled, true)] {
             let properties = mass_properties(&mesh, watertight).unwrap();
-            assert!(properties.from_hull);
+            assert_eq!(properties.source, VolumeSource::Hull);
             near(properties.volume as f32, 1.0);
             near(properties.inertia[2][2], 1.0 / 6.0);
         }

@@ -1,17 +1,26 @@
-//! Mesh repair: duplicate vertices, degenerate and duplicate triangles, inconsistent winding.
+//! Mesh repair: duplicate vertices, degenerate and duplicate triangles, inconsistent winding, debris, holes.
 //!
 //! Winding is the order of a triangle's corners, which defines its outer side.
 //!
 //! In: any mesh. Out: shared vertices, triangles with consistent outward winding, and a report.
-//! Holes are counted, not filled. Triangles with three distinct corners but zero area stay: they close the
+//! Small holes are closed, larger ones counted. Triangles with three distinct corners but zero area stay: they close the
 //! gaps at T-junctions.
 
+mod coincident;
+mod debris;
+mod edges;
+mod holes;
 mod winding;
 
 use crate::{Location, Mesh, MeshError, bounds};
+use coincident::remove_coincident_triangles;
+use debris::remove_debris;
+use edges::{EdgeDefects, components, half_edges};
 use glamx::DVec3;
 use glamx::Vec3;
+use holes::fill_holes;
 use std::collections::HashMap;
+pub(crate) use winding::closed_surface;
 use winding::orient_triangles;
 
 /// Counts of the repairs and of the remaining defects.
@@ -21,17 +30,22 @@ pub struct RepairReport {
     pub removed_vertices: usize,
     /// Triangles removed because two of their corners coincide.
     pub degenerate_triangles: usize,
-    /// Triangles removed because another one has the same corners.
+    /// Triangles removed because another one has the same corners: duplicates, and walls between touching
+    /// solids.
     pub duplicate_triangles: usize,
     /// Triangles with reversed winding.
     pub flipped_triangles: usize,
+    /// Components removed as debris: small ones around the object, or far from it.
+    pub debris: usize,
+    /// Small holes that were closed.
+    pub filled_holes: usize,
     /// Connected components: sets of triangles joined by edges.
     pub components: usize,
     /// Edges with one triangle: the boundaries of holes.
     pub boundary_edges: usize,
     /// Edges with more than two triangles, or with two of inconsistent winding.
     pub non_manifold_edges: usize,
-    /// Whether every edge joins exactly two triangles of consistent winding.
+    /// Whether the surface is closed: the triangles run along every edge equally often in both directions.
     pub watertight: bool,
 }
 
@@ -57,8 +71,16 @@ pub fn repair(mesh: Mesh) -> Result<(Mesh, RepairReport), MeshError> {
     if !has_area(&mesh) {
         return Err(MeshError::ZeroArea { triangles: num_triangles });
     }
-    report.duplicate_triangles = remove_duplicate_triangles(&mut mesh);
-    orient_triangles(&mut mesh, &mut report);
+    report.duplicate_triangles = remove_coincident_triangles(&mut mesh);
+    report.flipped_triangles = orient_triangles(&mut mesh);
+    report.debris = remove_debris(&mut mesh);
+    report.filled_holes = fill_holes(&mut mesh);
+    let half_edges = half_edges(&mesh);
+    let defects = EdgeDefects::of(&mesh, &half_edges);
+    report.boundary_edges = defects.boundary;
+    report.non_manifold_edges = defects.non_manifold;
+    report.watertight = defects.unbalanced == 0;
+    (_, report.components) = components(mesh.triangles.len(), &half_edges);
     remove_unused_vertices(&mut mesh);
     report.removed_vertices = num_vertices - mesh.vertices.len();
     Ok((mesh, report))
@@ -113,19 +135,6 @@ fn has_area(mesh: &Mesh) -> bool {
     };
     let total: f64 = mesh.triangles.iter().map(area).sum();
     total > MIN_AREA * low.as_dvec3().distance_squared(high.as_dvec3())
-}
-
-/// Removes all but the first of the triangles with the same corners; returns the number removed.
-fn remove_duplicate_triangles(mesh: &mut Mesh) -> usize {
-    let mut keys: Vec<([u32; 3], usize)> = mesh.triangles.iter().copied().zip(0..).collect();
-    keys.iter_mut().for_each(|(key, _)| key.sort_unstable());
-    keys.sort_unstable();
-    keys.dedup_by_key(|(key, _)| *key);
-    let mut kept: Vec<usize> = keys.into_iter().map(|(_, index)| index).collect();
-    kept.sort_unstable();
-    let num_removed = mesh.triangles.len() - kept.len();
-    mesh.triangles = kept.into_iter().map(|i| mesh.triangles[i]).collect();
-    num_removed
 }
 
 fn remove_unused_vertices(mesh: &mut Mesh) {
@@ -203,14 +212,14 @@ mod tests {
         let (mesh, report) =
             repair(test_meshes::union(&[flipped(&far, |_| true), test_meshes::cube()])).unwrap();
         assert_eq!((report.components, test_meshes::volume(&mesh)), (2, 2.0));
-        // Two cubes that share an edge: one component, with four triangles on a non-manifold edge.
+        // Two cubes that share an edge: one closed component, with four triangles on a non-manifold edge.
         let diagonal = test_meshes::cube().translated(Vec3::new(1.0, 1.0, 0.0));
         let (mesh, report) = repair(test_meshes::union(&[test_meshes::cube(), diagonal])).unwrap();
         assert_eq!(
             (report.components, report.non_manifold_edges, report.boundary_edges),
             (1, 1, 0)
         );
-        assert_eq!((test_meshes::volume(&mesh), report.watertight), (2.0, false));
+        assert_eq!((test_meshes::volume(&mesh), report.watertight), (2.0, true));
     }
 
     #[test]

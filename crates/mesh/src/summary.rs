@@ -1,6 +1,6 @@
 //! Summary of an imported mesh file.
 
-use crate::{ImportedMesh, MeshError, mass_properties};
+use crate::{ImportedMesh, MeshError, VolumeSource, solid_properties};
 use serde::Serialize;
 
 /// Size, unit, surface quality and volume of a mesh file; serialized as JSON.
@@ -25,17 +25,21 @@ pub struct MeshSummary {
     pub boundary_edges: usize,
     /// Triangles removed or flipped by the repair.
     pub repaired_triangles: usize,
+    /// Components removed as debris: small ones around the object, or far from it.
+    pub removed_debris: usize,
+    /// Small holes that were closed.
+    pub filled_holes: usize,
     /// Volume (m³).
     pub volume_m3: f64,
-    /// Whether the volume is that of the convex hull, because the mesh does not bound a valid volume.
-    pub volume_from_hull: bool,
+    /// Solid from which the volume is computed.
+    pub volume_source: VolumeSource,
 }
 
 impl MeshSummary {
     /// Summarises an imported mesh; fails if the mesh is flat.
     pub fn of(import: &ImportedMesh) -> Result<Self, MeshError> {
         let ImportedMesh { mesh, unit, repair, simplified, .. } = import;
-        let properties = mass_properties(mesh, repair.watertight)?;
+        let properties = solid_properties(mesh, repair.watertight)?;
         let num_removed = repair.degenerate_triangles + repair.duplicate_triangles;
         Ok(Self {
             extent_m: mesh.extent().to_array(),
@@ -47,8 +51,10 @@ impl MeshSummary {
             components: repair.components,
             boundary_edges: repair.boundary_edges,
             repaired_triangles: num_removed + repair.flipped_triangles,
+            removed_debris: repair.debris,
+            filled_holes: repair.filled_holes,
             volume_m3: properties.volume,
-            volume_from_hull: properties.from_hull,
+            volume_source: properties.source,
         })
     }
 }
@@ -56,7 +62,7 @@ impl MeshSummary {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::import;
+    use crate::{MeshOptions, import};
 
     #[test]
     fn summary_of_a_cube_in_millimetres_is_in_metres() {
@@ -65,10 +71,10 @@ mod tests {
         for face in ["1 3 4 2", "5 6 8 7", "1 2 6 5", "3 7 8 4", "1 5 7 3", "2 4 8 6"] {
             text += &format!("f {face}\n");
         }
-        let summary = MeshSummary::of(&import(text.as_bytes(), None).unwrap()).unwrap();
+        let summary = MeshSummary::of(&import(text.as_bytes(), &MeshOptions::default()).unwrap()).unwrap();
         assert_eq!((summary.unit, summary.triangles, summary.watertight), ("millimetre", 12, true));
         assert!((summary.volume_m3 - 1e-3).abs() < 1e-9, "{summary:?}");
-        assert!(!summary.volume_from_hull, "{summary:?}");
+        assert_eq!(summary.volume_source, VolumeSource::Surface);
         assert!(summary.extent_m.iter().all(|side| (side - 0.1).abs() < 1e-6));
     }
 }

@@ -1,6 +1,9 @@
-//! Unit of a mesh: most formats define none, so it is guessed from the size of graspable objects.
+//! Length unit of a mesh: given by the user, defined by the format, or the only one that suits the size.
+//!
+//! glTF defines the metre, and STL files are in millimetres. The other formats define no unit: it is resolved
+//! only if the result is a graspable object. Otherwise the import fails and asks for the size.
 
-use glamx::Vec3;
+use crate::{MeshError, MeshOptions};
 use std::fmt;
 
 /// Unit of length of mesh coordinates; serialized as its symbol.
@@ -23,56 +26,99 @@ pub enum Unit {
 /// Unit of a mesh, with the reason for the choice.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ResolvedUnit {
-    /// Guessed or given unit.
+    /// Resolved unit. If the size is given, it is the unit of the format, or the metre.
     pub unit: Unit,
+    /// Length (m) of one unit of the file's coordinates, with the scale or the size of the options.
+    pub metres_per_unit: f32,
     /// Reason for the user, without a full stop.
     pub reason: String,
 }
 
+/// Unit that a format defines or that its files have by convention.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct FormatUnit {
+    pub(crate) unit: Unit,
+    /// Clause of the reason: "as glTF defines".
+    pub(crate) reason: &'static str,
+}
+
 /// Min and max length (m) of the longest side of an object that a robot hand can grasp.
 const GRASPABLE_RANGE_M: [f32; 2] = [0.05, 0.30];
+/// Min and max length (m) of the longest side that needs no confirmation, in the unit of the format.
+///
+/// In other units, a length in this range is unlikely. A mesh of the size 1 or 2, as generators and data sets
+/// of normalised meshes have it, is outside.
+const ACCEPTED_RANGE_M: [f32; 2] = [0.005, 0.5];
+/// Units by preference that are considered if the format defines none.
+const UNIT_PREFERENCE: [Unit; 3] = [Unit::Metre, Unit::Millimetre, Unit::Centimetre];
+/// Units whose accepted range is considered if no unit fits the graspable range.
+///
+/// An object of 0.7 units is not 7 mm long, so the centimetre is not one of them.
+const WIDE_UNITS: [Unit; 2] = [Unit::Metre, Unit::Millimetre];
 
-/// Units by preference, if several fit.
-const UNIT_PREFERENCE: [Unit; 4] = [Unit::Metre, Unit::Millimetre, Unit::Centimetre, Unit::Inch];
-
-/// Guesses the unit in which the longest side (units of the file) is closest to the graspable range.
-pub fn guess_unit(extent: Vec3) -> ResolvedUnit {
-    let longest = extent.max_element();
-    let mut best = (Unit::Metre, f32::INFINITY);
-    for unit in UNIT_PREFERENCE {
-        let mismatch = size_mismatch(longest * unit.metres());
-        if mismatch < best.1 {
-            best = (unit, mismatch);
-        }
-    }
-    let (unit, mismatch) = best;
-    let fit = if mismatch <= 1.0 {
-        "within the graspable range"
-    } else {
-        "closest to the graspable range"
+/// Unit for a mesh whose longest side is `longest` (units of the file, > 0).
+///
+/// Fails if the options are invalid, or if they are empty and no unit is certain.
+pub(crate) fn resolve_unit(
+    longest: f32,
+    format: Option<FormatUnit>,
+    options: &MeshOptions,
+) -> Result<ResolvedUnit, MeshError> {
+    options.check()?;
+    let resolved = |unit: Unit, factor: f32, fit: &str| {
+        let metres_per_unit = unit.metres() * factor;
+        let reason = format!("{}, {fit}", describe(longest, unit, factor));
+        Ok(ResolvedUnit { unit, metres_per_unit, reason })
     };
-    ResolvedUnit { unit, reason: format!("{}, {fit}", describe(longest, unit)) }
+    let unit_of_format = format.map_or(Unit::Metre, |format| format.unit);
+    if let Some(size) = options.size {
+        let (unit, metres_per_unit) = (unit_of_format, size / longest);
+        let cm = 100.0 * size;
+        let reason = format!("{} units long, scaled to {cm:.1} cm, as specified", units(longest));
+        return Ok(ResolvedUnit { unit, metres_per_unit, reason });
+    }
+    if options.unit.is_some() || options.scale.is_some() {
+        let unit = options.unit.unwrap_or(unit_of_format);
+        return resolved(unit, options.scale.unwrap_or(1.0), "as specified");
+    }
+    let is_in = |[min, max]: [f32; 2], unit: Unit| {
+        (min..=max).contains(&(longest * unit.metres()))
+    };
+    if let Some(format) = format {
+        if is_in(ACCEPTED_RANGE_M, format.unit) {
+            return resolved(format.unit, 1.0, format.reason);
+        }
+    } else if let Some(unit) = UNIT_PREFERENCE.into_iter().find(|u| is_in(GRASPABLE_RANGE_M, *u)) {
+        return resolved(unit, 1.0, "within the graspable range");
+    } else if let Some(unit) = WIDE_UNITS.into_iter().find(|unit| is_in(ACCEPTED_RANGE_M, *unit)) {
+        return resolved(unit, 1.0, "closest to the graspable range");
+    }
+    let unit = format.map_or("units, which the format does not define,".to_owned(), |format| {
+        format!("{}, {},", format.unit.plural(), format.reason)
+    });
+    Err(MeshError::SizeRequired { length: format!("{} {unit}", units(longest)) })
 }
 
-/// Factor (>= 1) by which a length (m) is outside the graspable range; 1 within it.
-fn size_mismatch(length: f32) -> f32 {
-    let [min, max] = GRASPABLE_RANGE_M;
-    (min / length).max(length / max).max(1.0)
-}
-
-fn describe(longest: f32, unit: Unit) -> String {
-    // Three digits are enough to recognise an object.
-    let units = match longest {
+/// Length in units of the file: three digits are enough to recognise an object.
+fn units(longest: f32) -> String {
+    match longest {
         100.0.. => format!("{longest:.0}"),
         1.0.. => format!("{longest:.1}"),
         0.01.. => format!("{longest:.3}"),
         _ => format!("{longest:.2e}"),
-    };
-    let length_cm = 100.0 * longest * unit.metres();
-    format!("{units} units long, read as {}: {length_cm:.1} cm", unit.plural())
+    }
+}
+
+fn describe(longest: f32, unit: Unit, factor: f32) -> String {
+    let cm = 100.0 * longest * unit.metres() * factor;
+    let scale = if factor == 1.0 { String::new() } else { format!(", scaled by {factor}") };
+    format!("{} units long, read as {}{scale}: {cm:.1} cm", units(longest), unit.plural())
 }
 
 impl Unit {
+    /// All units.
+    pub const ALL: [Self; 4] = [Self::Metre, Self::Centimetre, Self::Millimetre, Self::Inch];
+
     /// Length of the unit (m).
     pub fn metres(self) -> f32 {
         match self {
@@ -81,6 +127,21 @@ impl Unit {
             Self::Millimetre => 0.001,
             Self::Inch => 0.0254,
         }
+    }
+
+    /// Symbol: m, cm, mm or in.
+    pub fn symbol(self) -> &'static str {
+        match self {
+            Self::Metre => "m",
+            Self::Centimetre => "cm",
+            Self::Millimetre => "mm",
+            Self::Inch => "in",
+        }
+    }
+
+    /// Unit with this symbol.
+    pub fn from_symbol(symbol: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|unit| unit.symbol() == symbol)
     }
 
     /// English name, singular.
@@ -109,47 +170,91 @@ impl fmt::Display for Unit {
     }
 }
 
-impl ResolvedUnit {
-    /// Unit given by the user; `extent` in units of the file.
-    pub(super) fn from_user(unit: Unit, extent: Vec3) -> Self {
-        let length = describe(extent.max_element(), unit);
-        Self { unit, reason: format!("{length}, as specified") }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    const GLTF: Option<FormatUnit> =
+        Some(FormatUnit { unit: Unit::Metre, reason: "as glTF defines" });
+    const STL: Option<FormatUnit> =
+        Some(FormatUnit { unit: Unit::Millimetre, reason: "as usual in STL" });
+
+    fn resolve(longest: f32, format: Option<FormatUnit>) -> Result<ResolvedUnit, MeshError> {
+        resolve_unit(longest, format, &MeshOptions::default())
+    }
+
     #[test]
-    fn guess_selects_the_unit_closest_to_the_graspable_range() {
+    fn unit_that_suits_the_size_is_resolved_if_the_format_defines_none() {
         for (longest, unit) in [
             (0.176, Unit::Metre),
             (0.05, Unit::Metre),
-            (0.5, Unit::Metre),
+            (0.45, Unit::Metre),
+            (0.01, Unit::Metre),
             (176.0, Unit::Millimetre),
             (51.0, Unit::Millimetre),
-            (900.0, Unit::Millimetre),
+            (31.8, Unit::Millimetre),
+            (450.0, Unit::Millimetre),
             (17.6, Unit::Centimetre),
             (10.0, Unit::Centimetre),
-            (3.0, Unit::Inch),
-            (0.01, Unit::Metre),
         ] {
-            let guess = guess_unit(Vec3::new(longest / 3.0, longest, longest / 2.0));
-            assert_eq!(guess.unit, unit, "{longest}: {}", guess.reason);
+            let found = resolve(longest, None).unwrap();
+            assert_eq!(found.unit, unit, "{longest}: {}", found.reason);
         }
     }
 
     #[test]
+    fn size_is_required_if_no_unit_is_certain() {
+        // Normalised meshes, inches, and objects that no unit makes graspable.
+        for longest in [1.0, 2.0, 0.7, 3.0, 900.0, 1e5, 1e-4] {
+            let error = resolve(longest, None).unwrap_err();
+            assert_eq!(error.code(), "size_required", "{longest}: {error}");
+        }
+        // A bat and a chair in metres; a mesh in metres as STL.
+        for (longest, format) in [(0.9, GLTF), (1.2, GLTF), (0.1, STL), (1.0, STL), (2000.0, STL)] {
+            let error = resolve(longest, format).unwrap_err();
+            assert_eq!(error.code(), "size_required", "{longest}: {error}");
+        }
+        let text = resolve(0.9, GLTF).unwrap_err().to_string();
+        assert!(text.contains("0.900 metres, as glTF defines, long"), "{text}");
+        assert!(text.contains("Give its size, unit or scale"), "{text}");
+    }
+
+    #[test]
+    fn unit_of_the_format_is_used_if_the_size_is_plausible() {
+        for (longest, format, metres) in [
+            (13.0, STL, 0.001),
+            (16.0, STL, 0.001),
+            (31.8, STL, 0.001),
+            (0.26, GLTF, 1.0),
+            (0.023, GLTF, 1.0),
+        ] {
+            assert_eq!(resolve(longest, format).unwrap().metres_per_unit, metres, "{longest}");
+        }
+    }
+
+    #[test]
+    fn given_size_unit_and_scale_override_all_else() {
+        let given = |options: MeshOptions| resolve_unit(2.0, STL, &options).unwrap();
+        let by_size = given(MeshOptions { size: Some(0.12), ..MeshOptions::default() });
+        assert_eq!(by_size.metres_per_unit, 0.06);
+        assert_eq!(by_size.reason, "2.0 units long, scaled to 12.0 cm, as specified");
+        let inches = MeshOptions { unit: Some(Unit::Inch), ..MeshOptions::default() };
+        assert_eq!(given(inches).reason, "2.0 units long, read as inches: 5.1 cm, as specified");
+        let scaled = given(MeshOptions { scale: Some(50.0), ..inches });
+        assert_eq!(scaled.metres_per_unit, 0.0254 * 50.0);
+        let of_format = given(MeshOptions { scale: Some(50.0), ..MeshOptions::default() });
+        let reason = "2.0 units long, read as millimetres, scaled by 50: 10.0 cm, as specified";
+        assert_eq!(of_format.reason, reason);
+    }
+
+    #[test]
     fn reason_states_length_unit_and_fit() {
-        let reason = |x: f32| guess_unit(Vec3::splat(x)).reason;
+        let reason = |x: f32| resolve(x, None).unwrap().reason;
         let large = "176 units long, read as millimetres: 17.6 cm, within the graspable range";
         assert_eq!(reason(176.0), large);
         let small = "0.176 units long, read as metres: 17.6 cm, within the graspable range";
         assert_eq!(reason(0.176), small);
-        let far = "500 units long, read as millimetres: 50.0 cm, closest to the graspable range";
-        assert_eq!(reason(500.0), far);
-        let given = ResolvedUnit::from_user(Unit::Inch, Vec3::splat(3.0)).reason;
-        assert_eq!(given, "3.0 units long, read as inches: 7.6 cm, as specified");
+        let far = "450 units long, read as millimetres: 45.0 cm, closest to the graspable range";
+        assert_eq!(reason(450.0), far);
     }
 }

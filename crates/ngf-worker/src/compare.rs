@@ -11,7 +11,7 @@ use files::atomic_file;
 use grasps::set::catalog::catalog_grasps;
 use imitation::data::split;
 use indicatif::ProgressBar;
-use objects::import::FIRST_POSE;
+use objects::import::{FIRST_POSE, ImportOptions};
 use objects::object::Object;
 use policy::PolicyConfig;
 use policy::networks::{NetworkConfig, POLICY_NAMES};
@@ -192,7 +192,13 @@ fn parse_object(text: &str) -> Result<SelectedObject> {
             let mass =
                 object_selection::check_positive(&format!("{text}: the mass"), mass, "kilograms")?;
             // No orientation chooser: every policy gets the same object.
-            object_selection::import_mesh(Path::new(file), &MassSpec::Mass(mass), FIRST_POSE)
+            let options = ImportOptions::default();
+            object_selection::import_mesh(
+                Path::new(file),
+                options,
+                &MassSpec::Mass(mass),
+                FIRST_POSE,
+            )
         }
     }
 }

@@ -8,6 +8,8 @@ mod evaluate;
 mod grasps;
 mod job_client;
 mod mesh;
+mod mesh_archive;
+mod mesh_file;
 mod model_card;
 mod object_selection;
 mod progress_bar;

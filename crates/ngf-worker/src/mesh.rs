@@ -1,9 +1,9 @@
 //! `ngf mesh inspect`: summary of a mesh file, and its convex decomposition for physics.
 
-use crate::object_selection::read_mesh_file;
-use anyhow::{Context, Result};
+use crate::mesh_file::{MeshFile, MeshSizeOptions, import_error};
+use anyhow::Result;
 use files::atomic_file;
-use mesh::{MeshSummary, Method};
+use mesh::{MeshSummary, Method, VolumeSource};
 use serde_json::json;
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -18,8 +18,10 @@ pub(crate) enum MeshCommand {
 /// Input file and output folder.
 #[derive(clap::Args)]
 pub(crate) struct InspectArgs {
-    #[arg(help = format!("Mesh file: {}", mesh::format_list()))]
+    #[arg(help = format!("Mesh file: {}, or a ZIP archive with one", mesh::format_list()))]
     file: PathBuf,
+    #[command(flatten)]
+    size: MeshSizeOptions,
     /// Output folder for mesh_summary.json and parts.obj (one OBJ object per convex part)
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -36,11 +38,11 @@ pub(crate) fn run(command: &MeshCommand) -> Result<()> {
 }
 
 fn inspect(options: &InspectArgs) -> Result<()> {
-    let file = &options.file;
-    let invalid = || format!("{} is not a usable mesh", file.display());
-    let bytes = read_mesh_file(file).with_context(|| format!("cannot read {}", file.display()))?;
-    let import = mesh::import(&bytes, None).with_context(invalid)?;
-    let summary = MeshSummary::of(&import).with_context(invalid)?;
+    let file = MeshFile::open(&options.file)?;
+    let invalid = |error| import_error(&options.file, error);
+    let import = mesh::import_with_files(&file.bytes, &options.size.mesh_options(), &file.files());
+    let import = import.map_err(invalid)?;
+    let summary = MeshSummary::of(&import).map_err(invalid)?;
     let parts = mesh::decompose(&import.mesh);
     let [x, y, z] = summary.extent_m.map(|side| 100.0 * side);
     println!("{x:.1} x {y:.1} x {z:.1} cm: {}", summary.unit_reason);
@@ -52,9 +54,15 @@ fn inspect(options: &InspectArgs) -> Result<()> {
         "{} triangles, {closed}; {:.0} cm³{}; {} convex parts",
         summary.triangles,
         1e6 * summary.volume_m3,
-        if summary.volume_from_hull { " (convex hull)" } else { "" },
+        volume_note(summary.volume_source),
         parts.hulls.len()
     );
+    if summary.removed_debris > 0 {
+        println!("{} pieces of debris removed", summary.removed_debris);
+    }
+    if summary.filled_holes > 0 {
+        println!("{} small holes closed", summary.filled_holes);
+    }
     let Some(out) = &options.out else { return Ok(()) };
     let method = match parts.method {
         Method::Grid { resolution } => json!({ "name": "grid", "resolution": resolution }),
@@ -77,4 +85,15 @@ fn inspect(options: &InspectArgs) -> Result<()> {
         first += hull.vertices.len() as u32;
     }
     atomic_file::write(&out.join("parts.obj"), text.as_bytes())
+}
+
+/// Note on the solid whose volume is printed; empty for a closed surface.
+fn volume_note(source: VolumeSource) -> &'static str {
+    match source {
+        VolumeSource::Surface => "",
+        VolumeSource::ClosedSurfaces => " (without open surfaces)",
+        VolumeSource::Union => " (common volume of overlapping solids counted once)",
+        VolumeSource::ConvexParts => " (convex parts)",
+        VolumeSource::Hull => " (convex hull)",
+    }
 }

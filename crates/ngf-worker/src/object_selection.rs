@@ -1,13 +1,15 @@
 //! List and contact sheet of the built-in objects, and selection of the object of a command.
 
+use crate::mesh_file::{MeshFile, MeshSizeOptions, import_error};
 use anyhow::{Context, Result, bail};
-use mesh::SimplifyReport;
+use mesh::{MeshOptions, SimplifyReport};
 use objects::catalog::CATALOG;
-use objects::import::{self, FIRST_POSE, ImportOptions, Orientation, OrientationChooser};
+use objects::import::{
+    self, FIRST_POSE, ImportContext, ImportOptions, ImportedObject, Orientation, OrientationChooser,
+};
 use objects::object::Object;
-use progress::NoProgress;
+use scene::{SceneConfig, rests_on_table};
 use std::ffi::OsStr;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 
 /// Options of `ngf objects`.
@@ -38,8 +40,13 @@ pub(crate) struct ObjectOptions {
     /// Name of a built-in object
     #[arg(long, value_name = "NAME", conflicts_with = "mesh")]
     object: Option<String>,
-    #[arg(long, value_name = "FILE", help = format!("Mesh file: {}", mesh::format_list()))]
+    #[arg(long, value_name = "FILE", help = format!("Mesh file: {}, or a ZIP archive with one", mesh::format_list()))]
     mesh: Option<PathBuf>,
+    #[command(flatten)]
+    size: MeshSizeOptions,
+    /// Orientation of the mesh: file, or the index of a stable pose, 0 for the most stable one
+    #[arg(long, value_name = "POSE", value_parser = parse_orientation, requires = "mesh")]
+    orientation: Option<Orientation>,
     /// Mass (kg) of the mesh
     #[arg(long, value_name = "KG", requires = "mesh")]
     mass: Option<f32>,
@@ -72,7 +79,7 @@ impl SelectedObject {
 impl ObjectOptions {
     /// Loads the object, if one is selected.
     pub(crate) fn load_optional(&self) -> Result<Option<SelectedObject>> {
-        let is_named = self.object.is_some() || self.mesh.is_some();
+        let is_named = self.object.is_some() || self.mesh.is_some() || self.size.is_given();
         if !is_named && self.friction.is_some() {
             bail!("--friction needs an object; select one with --object or --mesh");
         }
@@ -81,7 +88,11 @@ impl ObjectOptions {
 
     /// The mesh file, if no other object option is given.
     pub(crate) fn mesh_only(&self) -> Result<Option<&Path>> {
-        let is_more = self.mass.is_some() || self.density.is_some() || self.friction.is_some();
+        let is_more = self.mass.is_some()
+            || self.density.is_some()
+            || self.friction.is_some()
+            || self.orientation.is_some()
+            || self.size.is_given();
         if self.object.is_some() || is_more {
             bail!(
                 "a share link already names its object; pass only --mesh FILE if the link refers to a mesh file"
@@ -97,9 +108,18 @@ impl ObjectOptions {
 
     /// Loads the object; `chooser` selects a stable pose if the orientation in the file is unstable.
     pub(crate) fn load_with(&self, chooser: OrientationChooser) -> Result<SelectedObject> {
+        if self.mesh.is_none() && self.size.is_given() {
+            bail!("--unit, --size, --scale and --up need a mesh; select one with --mesh");
+        }
         let subject = match (&self.object, &self.mesh) {
             (Some(name), None) => SelectedObject::built_in(name)?,
-            (None, Some(path)) => import_mesh(path, &self.mass_spec()?, chooser)?,
+            (None, Some(path)) => {
+                let options = ImportOptions {
+                    orientation: self.orientation,
+                    ..self.size.import_options()
+                };
+                import_mesh(path, options, &self.mass_spec()?, chooser)?
+            }
             _ => bail!(
                 "select an object with --object, or a mesh file with --mesh and --mass or --density"
             ),
@@ -120,10 +140,10 @@ impl ObjectOptions {
 /// file name if a built-in object has that stem. Prints notes about automatic choices to stderr.
 pub(crate) fn import_mesh(
     path: &Path,
+    options: ImportOptions,
     heaviness: &MassSpec,
     chooser: OrientationChooser,
 ) -> Result<SelectedObject> {
-    let bytes = read_mesh_file(path).with_context(|| format!("cannot read {}", path.display()))?;
     let text = |name: Option<&OsStr>| name.unwrap_or_default().to_string_lossy().into_owned();
     let (stem, file_name) = (text(path.file_stem()), text(path.file_name()));
     let name = if Object::from_catalog(&stem).is_some() { file_name } else { stem };
@@ -131,11 +151,12 @@ pub(crate) fn import_mesh(
         MassSpec::Mass(mass) => Some(*mass),
         MassSpec::Density(_) => None,
     };
-    let import_options = ImportOptions { mass, ..ImportOptions::default() };
-    let found = import::import_object(&name, &bytes, import_options, chooser, &NoProgress)
-        .with_context(|| format!("{} is not a usable mesh", path.display()))?;
+    let found = import_file(path, &name, ImportOptions { mass, ..options }, chooser)?;
     if let Some(SimplifyReport { triangles_before: from, .. }) = found.simplified {
         eprintln!("{name}: simplified from {from} triangles");
+    }
+    if options.mesh() == MeshOptions::default() {
+        eprintln!("{name}: {}", found.unit.reason);
     }
     let (orientation, reason) = found.orientation;
     if let Some(message) = reason.message() {
@@ -143,12 +164,39 @@ pub(crate) fn import_mesh(
     }
     let object = match heaviness {
         MassSpec::Mass(_) => found.object,
-        MassSpec::Density(density) => {
-            let volume = mesh::mass_properties(&found.object.mesh, found.repair.watertight)?.volume;
-            found.object.with_mass(density * volume as f32)
-        }
+        MassSpec::Density(density) => found.object.with_mass(density * found.volume as f32),
     };
     Ok(SelectedObject { name, object, orientation: Some(orientation) })
+}
+
+/// Imports a mesh file; a stable pose is one in which the object stays in the simulation.
+pub(crate) fn import_file(
+    path: &Path,
+    name: &str,
+    options: ImportOptions,
+    chooser: OrientationChooser,
+) -> Result<ImportedObject> {
+    let file = MeshFile::open(path)?;
+    let config = SceneConfig::standard()?;
+    let context = ImportContext {
+        files: &file.files(),
+        choose_orientation: chooser,
+        rests: &|object| rests_on_table(&config, object),
+        ..ImportContext::NONE
+    };
+    import::import_object(name, &file.bytes, options, &context)
+        .map_err(|error| import_error(path, error))
+}
+
+/// Parses an orientation: `file`, or the index of a stable pose.
+fn parse_orientation(text: &str) -> Result<Orientation, String> {
+    match text {
+        "file" => Ok(Orientation::AsInFile),
+        index => index
+            .parse()
+            .map(Orientation::StablePose)
+            .map_err(|_| "expected \"file\" or the index of a stable pose".to_owned()),
+    }
 }
 
 /// Mass of a mesh, as specified by the user.
@@ -177,11 +225,4 @@ impl ObjectOptions {
             (None, None) => bail!("a mesh needs --mass KG or --density KG_M3"),
         }
     }
-}
-
-/// Reads a file up to slightly more than the maximum mesh size.
-pub(crate) fn read_mesh_file(path: &Path) -> std::io::Result<Vec<u8>> {
-    let mut bytes = Vec::new();
-    std::fs::File::open(path)?.take(mesh::MAX_BYTES as u64 + 1).read_to_end(&mut bytes)?;
-    Ok(bytes)
 }

@@ -5,9 +5,8 @@ use crate::object_selection::{self, ObjectOptions};
 use crate::share_link::ShareLink;
 use anyhow::{Context, Result, bail, ensure};
 use objects::catalog::built_in_object;
-use objects::import::{self, FIRST_POSE};
+use objects::import::FIRST_POSE;
 use objects::object::Object;
-use progress::NoProgress;
 use rollout::{Attempt, AttemptRecording, Controller, Outcome, RolloutContext};
 use scene::scene_hash;
 use std::path::Path;
@@ -79,10 +78,7 @@ fn replay_link(link: &ShareLink, options: &Options) -> Result<()> {
     let name = &link.object;
     let object = match options.object.mesh_only()? {
         Some(file) => {
-            let bytes = object_selection::read_mesh_file(file)
-                .with_context(|| format!("cannot read {}", file.display()))?;
-            let found = import::import_object(name, &bytes, link.options, FIRST_POSE, &NoProgress);
-            found.with_context(|| format!("{} is not a usable mesh", file.display()))?.object
+            object_selection::import_file(file, name, link.options, FIRST_POSE)?.object
         }
         None => {
             built_in_object(name).context("the link refers to a mesh file; pass it with --mesh")?

@@ -1,7 +1,7 @@
 //! Share link to an attempt, as the page creates it: `…#v=1&o=sugar_box&…` (web/src/demo/share/share_link.ts).
 
 use anyhow::{Context, Result, bail};
-use mesh::Unit;
+use mesh::{Unit, UpAxis};
 use objects::import::{ImportOptions, Orientation};
 use std::collections::BTreeMap;
 
@@ -95,14 +95,15 @@ fn unescape(text: &str) -> String {
     form_urlencoded::parse(text.as_bytes()).map(|(name, _)| name.into_owned()).collect()
 }
 
-/// Unit, mass and orientation, if specified.
+/// Size, up axis, mass and orientation, if specified.
 fn import_options(fields: &BTreeMap<String, String>) -> Result<ImportOptions> {
-    let unit = |name: &String| match name.as_str() {
-        "m" => Ok(Unit::Metre),
-        "cm" => Ok(Unit::Centimetre),
-        "mm" => Ok(Unit::Millimetre),
-        "in" => Ok(Unit::Inch),
-        _ => bail!("part \"u\" of the link is not a supported unit: {name}"),
+    let unit = |name: &String| {
+        let unit = Unit::from_symbol(name);
+        unit.with_context(|| format!("part \"u\" of the link is not a supported unit: {name}"))
+    };
+    let up = |name: &String| {
+        let up = UpAxis::from_name(name);
+        up.with_context(|| format!("part \"up\" of the link is not an axis: {name}"))
     };
     let orientation = |text: &String| match text.as_str() {
         "file" => Ok(Orientation::AsInFile),
@@ -112,8 +113,15 @@ fn import_options(fields: &BTreeMap<String, String>) -> Result<ImportOptions> {
             .context("part \"st\" of the link is not a stable pose"),
     };
     let mass = |kg: &String| kg.parse().context("part \"kg\" of the link is not a mass");
+    let number = |part: &str| {
+        let number = fields.get(part).map(|text| text.parse::<f32>());
+        number.transpose().with_context(|| format!("part \"{part}\" of the link is not a number"))
+    };
     Ok(ImportOptions {
         unit: fields.get("u").map(unit).transpose()?,
+        size: number("sz")?,
+        scale: number("sf")?,
+        up: fields.get("up").map(up).transpose()?,
         mass: fields.get("kg").map(mass).transpose()?,
         orientation: fields.get("st").map(orientation).transpose()?,
     })
@@ -140,8 +148,16 @@ mod tests {
         let orientation = Some(Orientation::StablePose(2));
         assert_eq!(
             options,
-            ImportOptions { unit: Some(Unit::Inch), mass: Some(0.25), orientation }
+            ImportOptions {
+                unit: Some(Unit::Inch),
+                mass: Some(0.25),
+                orientation,
+                ..ImportOptions::default()
+            }
         );
+        let sized = LINK.replace("&p=", "&sz=0.12&up=y&p=");
+        let options = ShareLink::parse(&sized).unwrap().options;
+        assert_eq!((options.size, options.up), (Some(0.12), Some(UpAxis::Y)));
         let options = ShareLink::parse(&LINK.replace("&p=", "&st=file&p=")).unwrap().options;
         assert_eq!(options.orientation, Some(Orientation::AsInFile));
     }
@@ -175,6 +191,8 @@ mod tests {
             ("%2C1e-7", "", "three numbers"),
             ("s=7", "s=x", "not a seed"),
             ("&p=", "&u=ell&p=", "not a supported unit"),
+            ("&p=", "&sz=big&p=", "\"sz\" of the link is not a number"),
+            ("&p=", "&up=w&p=", "not an axis"),
             ("&p=", "&kg=heavy&p=", "not a mass"),
             ("&p=", "&st=head&p=", "not a stable pose"),
         ] {

@@ -7,26 +7,43 @@
 
 use crate::object::{DEFAULT_FRICTION, Object};
 pub use crate::orientation::{Orientation, OrientationReason};
-use mesh::{self, ImportedMesh, Mesh, MeshError, RepairReport, ResolvedUnit, SimplifyReport, Unit};
-use progress::Progress;
+use crate::resting_pose::{Candidates, object_on_hull};
+pub use crate::resting_pose::MAX_STABLE_POSES;
+use mesh::{
+    self, ExternalFiles, ImportedMesh, MassProperties, Mesh, MeshError, MeshOptions,
+    NO_EXTERNAL_FILES, RepairReport, ResolvedUnit, SimplifyReport, StablePose, Unit, UpAxis,
+    VolumeSource,
+};
+use progress::{NoProgress, Progress};
 
 /// Density (kg/m³) assumed if no mass is given: that of a packed box of food.
 pub const DEFAULT_DENSITY: f64 = 600.0;
 /// Min and max assumed mass (kg): the range that the standard hand can lift. A test compares it with
 /// `graspable.mass` of the robot's hand file, on which this crate does not depend.
 pub const MASS_RANGE: [f64; 2] = [0.02, 1.5];
-/// Max number of stable poses offered to the user, the most stable ones.
-pub const MAX_STABLE_POSES: usize = 6;
 
 /// User's options for a mesh file; `None` selects the default.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ImportOptions {
-    /// Unit of the coordinates; by default guessed from the size.
+    /// Unit of the coordinates; by default that of the format, or the one that suits the size.
     pub unit: Option<Unit>,
+    /// Length (m) of the longest side, instead of unit and scale.
+    pub size: Option<f32>,
+    /// Factor on the coordinates, in addition to the unit.
+    pub scale: Option<f32>,
+    /// Axis of the file that points up; by default that of the format.
+    pub up: Option<UpAxis>,
     /// Mass (kg); by default volume times [`DEFAULT_DENSITY`], clamped to [`MASS_RANGE`].
     pub mass: Option<f32>,
     /// Orientation on the table; by default that of the file if it is stable.
     pub orientation: Option<Orientation>,
+}
+
+impl ImportOptions {
+    /// Options of the mesh, without mass and orientation.
+    pub fn mesh(&self) -> MeshOptions {
+        MeshOptions { unit: self.unit, size: self.size, scale: self.scale, up: self.up }
+    }
 }
 
 /// Source of an object's mass.
@@ -51,8 +68,10 @@ pub struct ImportedObject {
     pub repair: RepairReport,
     /// Result of the simplification, if the file had too many triangles.
     pub simplified: Option<SimplifyReport>,
-    /// Whether volume and mass properties are those of the convex hull, because the surface is not closed.
-    pub volume_from_hull: bool,
+    /// Volume (m³).
+    pub volume: f64,
+    /// Solid from which volume and mass properties are computed.
+    pub volume_source: VolumeSource,
     /// Source of the mass.
     pub mass_source: MassSource,
     /// Number of stable poses offered; valid indices of [`Orientation::StablePose`] are below it.
@@ -80,14 +99,39 @@ pub type OrientationChooser<'a> = &'a dyn Fn(&mut dyn Iterator<Item = Mesh>) -> 
 /// Chooses the first pose, which is the most stable one.
 pub const FIRST_POSE: OrientationChooser<'static> = &|_| None;
 
+/// Whether an object stays in its pose on a table, in a simulation.
+pub type RestTest<'a> = &'a dyn Fn(&Object) -> bool;
+
+/// Everything that an import takes from its caller in addition to the file and the options.
+#[derive(Clone, Copy)]
+pub struct ImportContext<'a> {
+    /// Files to which the mesh refers.
+    pub files: &'a ExternalFiles<'a>,
+    /// Choice among the stable poses.
+    pub choose_orientation: OrientationChooser<'a>,
+    /// Test of each stable pose; a pose that fails is not offered.
+    pub rests: RestTest<'a>,
+    /// Receives the stages of the import.
+    pub progress: &'a dyn Progress,
+}
+
+impl ImportContext<'static> {
+    /// No other files, the most stable pose, no simulation and no progress.
+    pub const NONE: Self = Self {
+        files: NO_EXTERNAL_FILES,
+        choose_orientation: FIRST_POSE,
+        rests: &|_| true,
+        progress: &NoProgress,
+    };
+}
+
 /// Imports an object from the bytes of a mesh file.
 ///
 /// ```rust
-/// use objects::import::{FIRST_POSE, ImportOptions, MassSource, import_object};
-/// use progress::NoProgress;
+/// use objects::import::{ImportContext, ImportOptions, MassSource, import_object};
 /// let obj = b"v 0 0 0\nv 60 0 0\nv 0 40 0\nv 0 0 120\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"; // mm
 /// let options = ImportOptions { mass: Some(0.25), ..ImportOptions::default() };
-/// let wedge = import_object("wedge.obj", obj, options, FIRST_POSE, &NoProgress)?;
+/// let wedge = import_object("wedge.obj", obj, options, &ImportContext::NONE)?;
 /// assert_eq!((wedge.object.mass, wedge.mass_source), (0.25, MassSource::Given));
 /// # Ok::<(), mesh::MeshError>(())
 /// ```
@@ -95,77 +139,47 @@ pub fn import_object(
     file_name: &str,
     bytes: &[u8],
     options: ImportOptions,
-    choose_orientation: OrientationChooser,
-    progress: &dyn Progress,
+    context: &ImportContext,
 ) -> Result<ImportedObject, MeshError> {
-    let report = |stage, done| progress.update(stage, done, 3);
+    let report = |stage, done| context.progress.update(stage, done, 3);
     report(stage::PARSE, 0);
     let ImportedMesh { mesh, unit, repair, simplified, is_y_up } =
-        mesh::import(bytes, options.unit)?;
-    let properties = mesh::mass_properties(&mesh, repair.watertight)?;
+        mesh::import_with_files(bytes, &options.mesh(), context.files)?;
+    let properties = mesh::solid_properties(&mesh, repair.watertight)?;
     let (kg, mass_source) = estimate_mass(properties.volume, options.mass);
     report(stage::STABLE_POSES, 1);
-    let mut poses = mesh::stable_poses(&mesh.vertices, properties.center_of_mass);
-    // All poses count here: a round body has many that are more stable than the upright one.
-    let is_stable = poses.is_empty()
-        || poses.iter().any(mesh::StablePose::is_identity)
-        || mesh::is_stable(&mesh.vertices, properties.center_of_mass);
-    let y_up = poses.iter().position(mesh::StablePose::is_y_up).filter(|_| is_y_up);
-    let preferred = y_up.or_else(|| settled_pose(&poses).filter(|_| !is_stable));
-    let beyond_max =
-        preferred.filter(|index| *index >= MAX_STABLE_POSES).map(|index| poses.remove(index));
-    poses.truncate(MAX_STABLE_POSES);
-    // The preferred pose is always offered.
-    poses.extend(beyond_max);
-    let (orientation, reason) = match (options.orientation, preferred) {
-        (Some(orientation), _) => (orientation, OrientationReason::Given),
-        (None, Some(index)) => {
-            let reason = if y_up.is_some() {
-                OrientationReason::YUpFile
-            } else {
-                OrientationReason::Settled
-            };
-            (Orientation::StablePose(index.min(MAX_STABLE_POSES)), reason)
-        }
-        (None, None) if is_stable => (Orientation::AsInFile, OrientationReason::Given),
-        (None, None) => {
-            let mut meshes = poses.iter().map(|pose| mesh.clone().rotated(&pose.rotation));
-            match choose_orientation(&mut meshes) {
-                Some(index) => (Orientation::StablePose(index), OrientationReason::ChosenByModel),
-                None => (Orientation::StablePose(0), OrientationReason::Unstable),
-            }
-        }
-    };
-    let (mesh, orientation) = match orientation {
+    let candidates = Candidates::of(&mesh, &properties, is_y_up);
+    let poses = candidates.offered(&|pose| {
+        let object = object_on_hull(&mesh, &properties, &pose.rotation, kg);
+        object.is_ok_and(|object| (context.rests)(&object))
+    });
+    let (orientation, reason) = poses.choose(&mesh, options.orientation, context);
+    let poses = poses.stable;
+    let (mesh, properties, orientation) = match orientation {
         Orientation::StablePose(index) if index < poses.len() => {
-            (mesh.rotated(&poses[index].rotation), orientation)
+            let rotation = &poses[index].rotation;
+            (mesh.rotated(rotation), properties.rotated(rotation), orientation)
         }
-        _ => (mesh, Orientation::AsInFile),
+        _ => (mesh, properties, Orientation::AsInFile),
     };
     report(stage::DECOMPOSE, 2);
     let parts = mesh::decompose(&mesh).hulls;
-    let object = Object::new(file_name, mesh, repair.watertight, parts, kg, DEFAULT_FRICTION)?;
+    let (volume, volume_source) = (properties.volume, properties.source);
+    let object = match volume_source {
+        VolumeSource::Surface => Object::new(file_name, mesh, true, parts, kg, DEFAULT_FRICTION)?,
+        _ => Object::with_properties(file_name, mesh, parts, kg, DEFAULT_FRICTION, properties),
+    };
     Ok(ImportedObject {
         object,
         unit,
         repair,
         simplified,
-        volume_from_hull: properties.from_hull,
+        volume,
+        volume_source,
         mass_source,
         num_stable_poses: poses.len(),
         orientation: (orientation, reason),
     })
-}
-
-/// Cosine of the max tilt (15 degrees) that counts as upright: the base of a scan is never flat.
-const MAX_SETTLE_TILT_COS: f64 = 0.966;
-
-/// Index of the pose in which the mesh settles from the orientation of its file, if it tilts by under 15
-/// degrees.
-fn settled_pose(poses: &[mesh::StablePose]) -> Option<usize> {
-    let tilt_cos = |index: &usize| poses[*index].tilt_cos();
-    let nearest = (0..poses.len()).max_by(|a, b| tilt_cos(a).total_cmp(&tilt_cos(b)))?;
-    (tilt_cos(&nearest) > MAX_SETTLE_TILT_COS).then_some(nearest)
 }
 
 /// Mass (kg) of a volume (m³), unless a valid mass is given.
@@ -181,7 +195,6 @@ fn estimate_mass(volume: f64, given: Option<f32>) -> (f32, MassSource) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use progress::NoProgress;
     use std::cell::RefCell;
 
     // A box of 40 x 60 x 120 mm.
@@ -194,8 +207,12 @@ mod tests {
             assert_eq!((done, total), (stages.borrow().len(), 3));
             stages.borrow_mut().push(stage.to_owned());
         };
-        let found =
-            import_object("box.obj", text.as_bytes(), options, &tallest_pose, &progress).unwrap();
+        let context = ImportContext {
+            choose_orientation: &tallest_pose,
+            progress: &progress,
+            ..ImportContext::NONE
+        };
+        let found = import_object("box.obj", text.as_bytes(), options, &context).unwrap();
         assert_eq!(stages.into_inner(), [stage::PARSE, stage::STABLE_POSES, stage::DECOMPOSE]);
         found
     }
@@ -225,6 +242,7 @@ mod tests {
             unit: Some(Unit::Inch),
             mass: Some(0.3),
             orientation: Some(Orientation::StablePose(0)),
+            ..ImportOptions::default()
         };
         let text = BOX.replace("120", "12").replace("60", "6").replace("40", "4");
         let found = import_obj(&text, options);
@@ -276,16 +294,10 @@ mod tests {
         for entry in std::fs::read_dir(folder).unwrap() {
             let path = entry.unwrap().path();
             let bytes = std::fs::read(&path).unwrap();
-            let Ok(import) = mesh::import(&bytes, None) else { continue };
+            let Ok(import) = mesh::import(&bytes, &MeshOptions::default()) else { continue };
             num_scans += 1;
             let height = import.mesh.extent().z;
-            let found = import_object(
-                "scan.obj",
-                &bytes,
-                ImportOptions::default(),
-                FIRST_POSE,
-                &NoProgress,
-            )
+            let found = import_object("scan.obj", &bytes, ImportOptions::default(), &ImportContext::NONE)
             .unwrap();
             println!(
                 "{path:?}: {:?}, {} of {height} m high",
@@ -308,24 +320,12 @@ mod tests {
             };
             let tilted = raised.into_iter().fold(BOX.to_owned(), raise);
             assert_ne!(tilted, BOX);
-            let found = import_object(
-                "box.obj",
-                tilted.as_bytes(),
-                ImportOptions::default(),
-                FIRST_POSE,
-                &NoProgress,
-            )
+            let found = import_object("box.obj", tilted.as_bytes(), ImportOptions::default(), &ImportContext::NONE)
             .unwrap();
             assert_eq!(found.orientation.1, OrientationReason::Unstable, "{raised:?}");
         }
         let tilted = BOX.replace("v 40 60 0", "v 40 60 90").replace("v 40 0 0", "v 40 0 90");
-        let most_stable = import_object(
-            "box.obj",
-            tilted.as_bytes(),
-            ImportOptions::default(),
-            FIRST_POSE,
-            &NoProgress,
-        )
+        let most_stable = import_object("box.obj", tilted.as_bytes(), ImportOptions::default(), &ImportContext::NONE)
         .unwrap();
         assert_eq!(
             most_stable.orientation,

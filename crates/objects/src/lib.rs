@@ -8,6 +8,7 @@ pub mod import;
 pub mod loft;
 pub mod object;
 mod orientation;
+mod resting_pose;
 pub mod shape_variant;
 pub mod symmetry;
 

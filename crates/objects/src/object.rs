@@ -4,7 +4,7 @@ use crate::loft::Loft;
 use crate::shape_variant::ShapeVariant;
 use geometry::{Pose, Vec3};
 use glamx::Quat;
-use mesh::{Mesh, MeshError};
+use mesh::{MassProperties, Mesh, MeshError};
 
 /// Object to grasp. Frame: z up, bottom at z = 0, bounding box centred in x and y.
 ///
@@ -130,13 +130,39 @@ impl Object {
     ) -> Result<Self, MeshError> {
         let offset = mesh.offset_to_ground();
         let mesh = mesh.translated(offset);
+        let properties = mesh::mass_properties(&mesh, watertight)?;
+        Ok(Self::from_ground(name, mesh, (parts, offset), mass, friction, properties))
+    }
+
+    /// Moves mesh and parts into the object frame, with known mass properties for a density of 1 kg/m³.
+    pub fn with_properties(
+        name: &str,
+        mesh: Mesh,
+        parts: Vec<Vec<Vec3>>,
+        mass: f32,
+        friction: f32,
+        properties: MassProperties,
+    ) -> Self {
+        let offset = mesh.offset_to_ground();
+        let (mesh, properties) = (mesh.translated(offset), properties.translated(offset));
+        Self::from_ground(name, mesh, (parts, offset), mass, friction, properties)
+    }
+
+    /// `mesh` and `properties` are in the object frame, `parts` are moved by their offset.
+    fn from_ground(
+        name: &str,
+        mesh: Mesh,
+        (parts, offset): (Vec<Vec<Vec3>>, Vec3),
+        mass: f32,
+        friction: f32,
+        properties: MassProperties,
+    ) -> Self {
         let parts = parts
             .into_iter()
             .map(|part| part.into_iter().map(|point| point + offset).collect())
             .collect();
-        let properties = mesh::mass_properties(&mesh, watertight)?;
         let density = mass / properties.volume as f32;
-        Ok(Self {
+        Self {
             name: name.to_owned(),
             parts,
             mass,
@@ -145,7 +171,7 @@ impl Object {
             inertia: properties.inertia.map(|row| row.map(|x| x * density)),
             bounds: mesh.bounds(),
             mesh,
-        })
+        }
     }
 
     /// Extents of the bounding box along x, y and z (m).

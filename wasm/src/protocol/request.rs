@@ -1,7 +1,7 @@
 //! Requests of the page.
 
 use super::{Drag, PlanarPose};
-use mesh::Unit;
+use mesh::{Unit, UpAxis};
 use objects::import::Orientation;
 use serde::Deserialize;
 
@@ -21,6 +21,13 @@ pub(crate) enum Request {
         bytes: Vec<u8>,
         #[cfg_attr(test, ts(type = "Unit | null"))]
         unit: Option<Unit>,
+        /// Length (m) of the longest side, instead of unit and scale.
+        size_m: Option<f32>,
+        /// Factor on the coordinates, in addition to the unit.
+        scale: Option<f32>,
+        /// Axis of the file that points up.
+        #[cfg_attr(test, ts(type = "UpAxis | null"))]
+        up: Option<UpAxis>,
         mass_kg: Option<f32>,
         #[cfg_attr(test, ts(type = "Orientation | null"))]
         orientation: Option<Orientation>,

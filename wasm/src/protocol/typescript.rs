@@ -7,7 +7,7 @@
 use super::telemetry::TermNorms;
 use super::*;
 use crate::statistics::Tally;
-use mesh::{FORMATS, Unit};
+use mesh::{FORMATS, Unit, UpAxis};
 use objects::import::{Orientation, OrientationReason};
 use policy::model::MODEL_FILES;
 use serde_json::json;
@@ -41,7 +41,7 @@ fn union(name: &str, doc: &str, variants: &[impl Serialize]) -> String {
 
 /// Types of crates below this one, which do not depend on the generator.
 fn foreign_types() -> String {
-    let units = [Unit::Metre, Unit::Centimetre, Unit::Millimetre, Unit::Inch];
+    let (units, axes) = (Unit::ALL, UpAxis::ALL);
     let reasons = [
         OrientationReason::Given,
         OrientationReason::YUpFile,
@@ -53,6 +53,11 @@ fn foreign_types() -> String {
     for unit in units {
         match unit {
             Unit::Metre | Unit::Centimetre | Unit::Millimetre | Unit::Inch => (),
+        }
+    }
+    for axis in axes {
+        match axis {
+            UpAxis::X | UpAxis::Y | UpAxis::Z => (),
         }
     }
     for reason in reasons {
@@ -68,6 +73,7 @@ fn foreign_types() -> String {
     assert_eq!(json!(Orientation::StablePose(2)), json!({ "stablePose": 2 }));
     [
         union("Unit", "Unit of length of a mesh file.", &units),
+        union("UpAxis", "Axis of a mesh file that points up.", &axes),
         union("OrientationReason", "Reason of an orientation.", &reasons),
         "\n/**\n * Orientation of the file, or a stable pose by index; 0 is the most stable one.\n */\n\
          export type Orientation = \"asInFile\" | { stablePose: number };\n"

@@ -1,4 +1,4 @@
-//! glTF 2, as GLB or as JSON with embedded buffers.
+//! glTF 2, as GLB or as JSON with embedded or external buffers.
 //!
 //! The crate `gltf` parses the JSON; this module reads the buffers.
 //!
@@ -6,8 +6,10 @@
 //! subtracts from an unchecked length, and its accessors do not check strides and types.
 
 use super::accessor::AccessorView;
-use super::data_uri;
-use super::parse::{MeshBuilder, check_limit, excerpt};
+use super::builder::MeshBuilder;
+use super::gltf_extensions::{check_required, instance_transforms};
+use super::parse::{check_limit, excerpt};
+use super::{ExternalFiles, data_uri};
 use crate::{Location, Mesh, MeshError};
 use glamx::{DMat4, DQuat, DVec3};
 use gltf::json::accessor::Type;
@@ -17,8 +19,10 @@ use gltf::json::{Index, Node, Root};
 use std::borrow::Cow;
 
 pub(super) const FORMAT: &str = "glTF";
-/// Max size of the JSON without embedded buffers (bytes); parsed, it may take 200 times as much memory.
-const MAX_JSON_BYTES: usize = 1_000_000;
+/// Max size of the JSON without embedded buffers (bytes).
+const MAX_JSON_BYTES: usize = 16_000_000;
+/// Max number of objects in the JSON; parsed, one may take 600 bytes. A body of a CAD assembly takes six.
+const MAX_JSON_OBJECTS: usize = 500_000;
 /// Property that every glTF file has.
 const ASSET_KEY: &[u8] = b"\"asset\"";
 /// Max number of primitives over all nodes; nodes may share a mesh.
@@ -35,20 +39,18 @@ fn is_glb(bytes: &[u8]) -> bool {
 }
 
 /// Parses all triangles of the scene, with the node transforms applied.
-pub(super) fn read(bytes: &[u8]) -> Result<Mesh, MeshError> {
+pub(super) fn read(bytes: &[u8], files: &ExternalFiles) -> Result<Mesh, MeshError> {
     let (offset, json, chunk) =
         if is_glb(bytes) { glb_chunks(bytes)? } else { (0, bytes, &[][..]) };
     let (json, data_uris) = data_uri::extract_data_uris(json);
     check_limit("bytes of JSON", json.len() as u64, MAX_JSON_BYTES)?;
+    let num_objects = json.iter().filter(|byte| **byte == b'{').count();
+    check_limit("objects in JSON", num_objects as u64, MAX_JSON_OBJECTS)?;
     let root = Root::from_slice(&json).map_err(|e| {
         malformed(Location::Byte(offset), "glTF 2 in JSON", excerpt(e.to_string().as_bytes()))
     })?;
-    let compressed = ["KHR_draco_mesh_compression", "EXT_meshopt_compression"];
-    let mut required = root.extensions_required.iter();
-    if let Some(name) = required.find(|name| compressed.contains(&&name[..])) {
-        return Err(unsupported(format!("compression ({name})")));
-    }
-    let buffers = load_buffers(&root, chunk, &data_uris)?;
+    check_required(&root)?;
+    let buffers = load_buffers(&root, chunk, &data_uris, files)?;
     let builder = MeshBuilder::new(FORMAT, 0);
     let mut reader = SceneReader { root: &root, buffers: &buffers, builder, num_primitives: 0 };
     reader.add_scene()?;
@@ -63,13 +65,15 @@ pub(super) fn unsupported(feature: String) -> MeshError {
     MeshError::Unsupported { format: FORMAT, feature }
 }
 
-/// Buffers in the order of the JSON: decoded data URIs, or the binary chunk for the first buffer.
+/// Buffers in the order of the JSON: decoded data URIs, external files, or the binary chunk for the first
+/// buffer.
 ///
-/// `None` marks an external buffer.
+/// `None` marks a missing external file.
 fn load_buffers<'a>(
     root: &Root,
     chunk: &'a [u8],
     data_uris: &[&[u8]],
+    files: &ExternalFiles,
 ) -> Result<Vec<Option<Cow<'a, [u8]>>>, MeshError> {
     let buffer = |(index, buffer): (usize, &gltf::json::Buffer)| {
         let Some(uri) = &buffer.uri else {
@@ -77,7 +81,7 @@ fn load_buffers<'a>(
         };
         let index_in_uri = uri.strip_prefix("data:").and_then(|text| text.parse::<usize>().ok());
         let Some(content) = index_in_uri.and_then(|index| data_uris.get(index)) else {
-            return Ok(None);
+            return Ok(external_file(uri, files).map(Cow::Owned));
         };
         let location = Location::Entry("buffer", index);
         let bytes = data_uri::decode(content);
@@ -86,6 +90,16 @@ fn load_buffers<'a>(
         Ok(Some(Cow::Owned(bytes)))
     };
     root.buffers.iter().enumerate().map(buffer).collect()
+}
+
+/// Content of the file at a relative URI, whose special characters may be escaped as `%20`.
+fn external_file(uri: &str, files: &ExternalFiles) -> Option<Vec<u8>> {
+    let normalized = |path: &str| {
+        let path = path.replace('\\', "/");
+        path.strip_prefix("./").map(str::to_owned).unwrap_or(path)
+    };
+    let decoded = percent_encoding::percent_decode_str(uri).decode_utf8_lossy();
+    files(&normalized(&decoded)).or_else(|| files(&normalized(uri)))
 }
 
 /// Byte offset of the JSON chunk, the JSON chunk, and the binary chunk of a GLB file.
@@ -118,7 +132,9 @@ fn glb_chunks(bytes: &[u8]) -> Result<(usize, &[u8], &[u8]), MeshError> {
         }
         at += 8 + data.len();
     }
-    Ok((20, chunks[0], chunks[1]))
+    // Some exporters pad the JSON with zeros instead of spaces.
+    let end = chunks[0].iter().rposition(|byte| *byte != 0).map_or(0, |last| last + 1);
+    Ok((20, &chunks[0][..end], chunks[1]))
 }
 
 fn truncated(expected: u64, found: usize) -> MeshError {
@@ -167,7 +183,12 @@ impl SceneReader<'_> {
             }
             let world_from_node = world_from_parent * parent_from_node(node);
             if let Some(mesh) = node.mesh {
-                self.add_mesh(mesh.value(), world_from_node)?;
+                match instance_transforms(root, self.buffers, node)? {
+                    Some(instances) => instances.into_iter().try_for_each(|node_from_instance| {
+                        self.add_mesh(mesh.value(), world_from_node * node_from_instance)
+                    })?,
+                    None => self.add_mesh(mesh.value(), world_from_node)?,
+                }
             }
             stack.extend(children(node).rev().map(|child| (child.value(), world_from_node)));
         }
@@ -337,7 +358,7 @@ mod tests {
             (
                 r#"{"byteLength""#,
                 r#"{"uri":"cube.bin","byteLength""#,
-                "in another file (\"cube.bin\")",
+                "in another file, \"cube.bin\"",
             ),
             (
                 r#"{"byteLength":240}],"bufferViews":[{"buffer":0"#,
@@ -349,7 +370,7 @@ mod tests {
             (
                 r#""scene":0"#,
                 r#""extensionsRequired":["KHR_draco_mesh_compression"]"#,
-                "(KHR_draco",
+                "KHR_draco_mesh_compression",
             ),
             (r#""scene":0"#, r#""scene":}"#, "expected glTF 2 in JSON"),
         ] {

@@ -1,22 +1,32 @@
 //! Mesh parsing: format detection, limits, and the parts shared by all formats.
 //!
-//! The format is detected from the content, never from the file name. The parsers are strict and small; only
+//! The format is detected from the content, never from the file name. A file may be compressed by gzip. The parsers are strict and small; only
 //! the JSON of glTF uses a library. mesh-loader expands every corner before a limit can apply, prefers the
 //! length of a binary STL to its header, and does not report the line of an invalid index. ply-rs-bw loops
 //! over the header's count for elements without properties, and rejects numbers such as `1.`.
 
 mod accessor;
+mod builder;
+mod container;
 mod data_uri;
 mod gltf;
+mod gltf_extensions;
 mod obj;
 mod off;
 mod parse;
 mod ply;
 mod ply_header;
+mod polygon;
 mod stl;
+mod stl_binary;
+mod stl_text;
 
-use crate::{Mesh, MeshError};
+use crate::unit::FormatUnit;
+use crate::{Mesh, MeshError, Unit, UpAxis};
+use container::{gunzip, is_gzip, utf16_to_utf8};
 use parse::is_text;
+pub(crate) use polygon::triangulate;
+use std::borrow::Cow;
 
 /// Max file size (bytes).
 pub const MAX_BYTES: usize = 250_000_000;
@@ -38,32 +48,74 @@ const MAX_VERTICES: usize = 3 * MAX_TRIANGLES;
 /// # Ok::<(), mesh::MeshError>(())
 /// ```
 pub fn read(bytes: &[u8]) -> Result<Mesh, MeshError> {
-    if bytes.len() > MAX_BYTES {
-        return Err(MeshError::TooLarge { found: bytes.len(), limit: MAX_BYTES });
-    }
-    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+    read_with_files(bytes, NO_EXTERNAL_FILES)
+}
+
+/// Content of a file to which the mesh refers, by its path relative to the mesh; `None` if it is missing.
+///
+/// The path comes from the mesh file: an implementation must not leave the folder of the mesh.
+pub type ExternalFiles<'a> = dyn Fn(&str) -> Option<Vec<u8>> + 'a;
+
+/// No file other than the mesh is available.
+pub const NO_EXTERNAL_FILES: &ExternalFiles<'static> = &|_| None;
+
+/// [`read`] for a glTF file with its buffers in other files.
+pub fn read_with_files(bytes: &[u8], files: &ExternalFiles) -> Result<Mesh, MeshError> {
+    read_format(bytes, files).map(|(mesh, _)| mesh)
+}
+
+/// Parses a mesh and returns its format.
+pub(crate) fn read_format(
+    bytes: &[u8],
+    files: &ExternalFiles,
+) -> Result<(Mesh, &'static MeshFormat), MeshError> {
+    let bytes = &unpacked(bytes)?;
     if bytes.trim_ascii().is_empty() {
         return Err(MeshError::Empty);
     }
     let detect = |has_magic: bool| {
         let mut formats = FORMATS.iter().filter(|format| format.has_magic == has_magic);
-        formats.find_map(|format| (format.detect)(bytes))
+        formats.find_map(|format| Some(((format.detect)(bytes)?, format)))
     };
-    if let Some(read) = detect(true) {
-        return read(bytes);
-    }
-    if let Some(found) = sniff_foreign_format(bytes) {
+    // The text before a binary STL may begin like another format.
+    let exact = stl::detect_exact(bytes).map(|read| (read, &FORMATS[STL]));
+    let found = exact.or_else(|| detect(true));
+    if let (None, Some(found)) = (&found, sniff_foreign_format(bytes)) {
         return Err(MeshError::UnknownFormat { found });
     }
-    if let Some(read) = detect(false) {
-        return read(bytes);
+    match found.or_else(|| detect(false)) {
+        Some((read, format)) => Ok((read(bytes, files)?, format)),
+        None if is_text(bytes) => Err(MeshError::UnknownFormat { found: "plain text" }),
+        None => Err(MeshError::UnknownFormat { found: "binary data of an unknown type" }),
     }
-    let found = if is_text(bytes) { "plain text" } else { "binary data of an unknown type" };
-    Err(MeshError::UnknownFormat { found })
 }
 
+/// The bytes of the mesh without compression by gzip and without a byte order mark, in UTF-8.
+fn unpacked(bytes: &[u8]) -> Result<Cow<'_, [u8]>, MeshError> {
+    let check = |length: usize| match length > MAX_BYTES {
+        true => Err(MeshError::TooLarge { found: length, limit: MAX_BYTES }),
+        false => Ok(()),
+    };
+    check(bytes.len())?;
+    let bytes = if is_gzip(bytes) { Cow::Owned(gunzip(bytes)?) } else { Cow::Borrowed(bytes) };
+    check(bytes.len())?;
+    let bytes = utf16_to_utf8(&bytes).map_or(bytes, Cow::Owned);
+    Ok(match bytes {
+        Cow::Borrowed(bytes) => Cow::Borrowed(bytes.strip_prefix(BYTE_ORDER_MARK).unwrap_or(bytes)),
+        Cow::Owned(mut bytes) => {
+            if bytes.starts_with(BYTE_ORDER_MARK) {
+                bytes.drain(..BYTE_ORDER_MARK.len());
+            }
+            Cow::Owned(bytes)
+        }
+    })
+}
+
+/// Byte order mark in UTF-8.
+const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
+
 /// Parser of one format.
-type Reader = fn(&[u8]) -> Result<Mesh, MeshError>;
+type Reader = fn(&[u8], &ExternalFiles) -> Result<Mesh, MeshError>;
 
 /// A mesh format. A new format is a module of this folder and a row of [`FORMATS`].
 pub struct MeshFormat {
@@ -71,6 +123,10 @@ pub struct MeshFormat {
     pub names: &'static [&'static str],
     /// File extensions without a dot, lower case. They are hints for users; detection reads the content.
     pub extensions: &'static [&'static str],
+    /// Unit of the coordinates, if the format defines it or its files agree on it.
+    pub(crate) unit: Option<FormatUnit>,
+    /// Axis of the file that points up, if the format defines it or its files agree on it.
+    pub(crate) up: Option<UpAxis>,
     /// Whether the first bytes identify the format. Formats without magic bytes are tried last, after other
     /// known file types are excluded.
     has_magic: bool,
@@ -83,29 +139,47 @@ pub const FORMATS: [MeshFormat; 5] = [
     MeshFormat {
         names: &["glTF", "GLB"],
         extensions: &["glb", "gltf"],
+        unit: Some(FormatUnit { unit: Unit::Metre, reason: "as glTF defines" }),
+        up: Some(UpAxis::Y),
         has_magic: true,
         detect: |bytes| gltf::is_gltf(bytes).then_some(gltf::read as Reader),
     },
     MeshFormat {
         names: &["OFF"],
         extensions: &["off"],
+        unit: None,
+        up: None,
         has_magic: true,
-        detect: |bytes| off::is_off(bytes).then_some(off::read as Reader),
+        detect: |bytes| off::is_off(bytes).then_some((|b, _| off::read(b)) as Reader),
     },
     MeshFormat {
         names: &["PLY"],
         extensions: &["ply"],
+        unit: None,
+        up: None,
         has_magic: true,
-        detect: |bytes| ply::is_ply(bytes).then_some(ply::read as Reader),
+        detect: |bytes| ply::is_ply(bytes).then_some((|b, _| ply::read(b)) as Reader),
     },
-    MeshFormat { names: &["STL"], extensions: &["stl"], has_magic: false, detect: stl::detect },
+    MeshFormat {
+        names: &["STL"],
+        extensions: &["stl"],
+        unit: Some(FormatUnit { unit: Unit::Millimetre, reason: "as usual in STL" }),
+        up: Some(UpAxis::Z),
+        has_magic: false,
+        detect: stl::detect,
+    },
     MeshFormat {
         names: &["OBJ"],
         extensions: &["obj"],
+        unit: None,
+        up: None,
         has_magic: false,
-        detect: |bytes| obj::is_obj(bytes).then_some(obj::read as Reader),
+        detect: |bytes| obj::is_obj(bytes).then_some((|b, _| obj::read(b)) as Reader),
     },
 ];
+
+/// Index of STL in [`FORMATS`].
+const STL: usize = 3;
 
 /// Names of all formats, for messages: the names of [`FORMATS`] in reverse order, the last after "or".
 pub fn format_list() -> String {
@@ -117,33 +191,27 @@ pub fn format_list() -> String {
     }
 }
 
-/// Whether the format of the file defines the up axis.
-pub(crate) fn defines_up_axis(bytes: &[u8]) -> bool {
-    gltf::is_gltf(bytes)
-}
-
 /// Type of a common non-mesh file, from its first bytes; `None` if unknown.
 fn sniff_foreign_format(bytes: &[u8]) -> Option<&'static str> {
-    let types: [(&[u8], &str); 12] = [
+    let types: [(&[u8], &str); 9] = [
         (b"\x89PNG", "a PNG image"),
         (b"\xff\xd8\xff", "a JPEG image"),
         (b"GIF8", "a GIF image"),
         (b"RIFF", "a WebP image or an audio file"),
         (b"%PDF", "a PDF document"),
         (b"PK\x03\x04", "a ZIP archive or a 3MF file"),
-        (b"\x1f\x8b", "a gzip archive"),
         (b"Kaydara FBX", "an FBX file"),
         (b"BLENDER", "a Blender file"),
         (b"ISO-10303-21", "a STEP file"),
-        (b"{", "JSON"),
-        (b"[", "JSON"),
     ];
     let start = bytes.trim_ascii_start();
     let known = types.iter().find(|(magic, _)| start.starts_with(magic)).map(|&(_, name)| name);
     known.or_else(|| {
         let head = start[..start.len().min(1000)].to_ascii_lowercase();
         let has = |tag: &[u8]| head.windows(tag.len()).any(|window| window == tag);
-        match start.first() {
+        // The free text of a binary STL may begin with these characters.
+        match start.first().filter(|_| is_text(bytes)) {
+            Some(b'{' | b'[') => Some("JSON"),
             Some(b'<') if has(b"<collada") => Some("a COLLADA (.dae) file"),
             Some(b'<') if has(b"<html") || has(b"<!doctype html") => Some("a web page (HTML)"),
             Some(b'<') => Some("XML"),

@@ -2,9 +2,8 @@
 //!
 //! Normals, texture coordinates, groups and materials are ignored.
 
-use super::parse::{
-    LineReader, MeshBuilder, excerpt, is_text, parse_coordinates, parse_number, tokens,
-};
+use super::builder::MeshBuilder;
+use super::parse::{LineReader, excerpt, is_text, parse_coordinates, parse_number, tokens};
 use crate::{Location, Mesh, MeshError};
 use std::borrow::Cow;
 
@@ -19,7 +18,7 @@ pub(super) fn is_obj(bytes: &[u8]) -> bool {
             let mut tokens = tokens(line);
             match (tokens.next(), tokens.next()) {
                 (Some(b"v" | b"vn" | b"vt"), Some(token)) => parse_number(token).is_some(),
-                (Some(b"f"), Some(token)) => matches!(token[0], b'-' | b'0'..=b'9'),
+                (Some(b"f"), Some(token)) => matches!(token[0], b'-' | b'+' | b'0'..=b'9'),
                 _ => false,
             }
         })
@@ -33,13 +32,13 @@ pub(super) fn read(bytes: &[u8]) -> Result<Mesh, MeshError> {
     while let Some((line, text)) = lines.next() {
         let mut text = Cow::Borrowed(text);
         // A backslash continues a line on the next.
-        while text.ends_with(b"\\")
+        while let Some(head) = text.trim_ascii_end().strip_suffix(b"\\")
             && let Some((_, tail)) = lines.next()
         {
-            let joined = text.to_mut();
-            joined.pop();
+            let mut joined = head.to_vec();
             joined.push(b' ');
             joined.extend_from_slice(tail);
+            text = Cow::Owned(joined);
         }
         let is_cut = lines.peek().is_none() && !bytes.ends_with(b"\n") && !bytes.ends_with(b"\r");
         let mut tokens = tokens(&text);
@@ -116,6 +115,7 @@ mod tests {
         }
         assert_eq!(faces("f -3 -2 -1\r\n"), Ok(vec![[0, 1, 2]]));
         assert_eq!(faces("f 1 \\\n 2 \\\n 3\n"), Ok(vec![[0, 1, 2]]));
+        assert_eq!(faces("f 1 \\ \r\n 2 \\\r\n 3\r\n"), Ok(vec![[0, 1, 2]]));
         assert_eq!(faces("v 1 1 0\nf 1 2 4 3\n"), Ok(vec![[0, 1, 3], [0, 3, 2]]));
         assert_eq!(faces("f 1 2 4\nv 9 9 9 1.0 0.5 0.5 0.5\n"), Ok(vec![[0, 1, 3]]));
     }
@@ -138,6 +138,12 @@ mod tests {
             assert_eq!(matches!(error, MeshError::NotFinite { .. }), is_number, "{error}");
             assert!(error.to_string().contains("line 2"), "{error}");
         }
+    }
+
+    #[test]
+    fn vertex_without_a_face_may_be_invalid() {
+        let mesh = read(b"v nan nan nan\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 2 3 4\n").unwrap();
+        assert_eq!(mesh.extent(), glamx::Vec3::new(1.0, 1.0, 0.0));
     }
 
     #[test]

@@ -1,11 +1,6 @@
-//! Parts shared by the parsers: lines, tokens, numbers, and the mesh under construction with its limits.
+//! Parts shared by the parsers: lines, tokens, numbers and limits.
 
-use super::{MAX_TRIANGLES, MAX_VERTICES};
-use crate::{Location, Mesh, MeshError};
-use glamx::Vec3;
-
-/// Max magnitude of a coordinate (units of the file); its cube fits single precision.
-const MAX_COORDINATE: f32 = 1e9;
+use crate::MeshError;
 
 /// Whether the first 1000 bytes are text in ASCII, UTF-8 or Latin-1.
 pub(super) fn is_text(bytes: &[u8]) -> bool {
@@ -46,9 +41,21 @@ pub(super) fn tokens(line: &[u8]) -> impl Iterator<Item = &[u8]> {
     line.split(u8::is_ascii_whitespace).filter(|token| !token.is_empty())
 }
 
+/// Tokens of a text with the numbers of their lines.
+pub(super) fn numbered_tokens(bytes: &[u8]) -> impl Iterator<Item = (usize, &[u8])> {
+    LineReader::new(bytes).flat_map(|(line, text)| tokens(text).map(move |token| (line, token)))
+}
+
 /// Parses a decimal number, `nan` or `inf`.
+///
+/// Accepts a decimal comma (`1,5`), as exporters write it in some locales, and a Fortran exponent (`1.5D+00`).
 pub(super) fn parse_number(token: &[u8]) -> Option<f64> {
-    std::str::from_utf8(token).ok()?.parse().ok()
+    let text = std::str::from_utf8(token).ok()?;
+    text.parse().ok().or_else(|| {
+        let is_numeric = |b: &u8| matches!(b, b'0'..=b'9' | b'+' | b'-' | b'.' | b',' | b'd' | b'D' | b'e' | b'E');
+        let has_digits = token.iter().all(is_numeric) && token.iter().any(u8::is_ascii_digit);
+        has_digits.then(|| text.replace(',', ".").replace(['d', 'D'], "e").parse().ok()).flatten()
+    })
 }
 
 /// Parses the first three tokens as coordinates.
@@ -69,94 +76,6 @@ pub(super) fn excerpt(bytes: &[u8]) -> String {
     let head = &bytes[..bytes.len().min(40)];
     let ellipsis = if head.len() < bytes.len() { "..." } else { "" };
     format!("\"{}{ellipsis}\"", String::from_utf8_lossy(head).escape_debug())
-}
-
-/// Mesh under construction; applies the same checks to every format.
-pub(super) struct MeshBuilder {
-    format: &'static str,
-    /// Index of the first vertex in the format: 0, or 1 for OBJ.
-    first_index: i64,
-    mesh: Mesh,
-    /// Max vertex index used so far, with its location: OBJ and PLY may use a vertex before its definition.
-    max_index: Option<(u32, Location)>,
-}
-
-impl MeshBuilder {
-    pub(super) fn new(format: &'static str, first_index: i64) -> Self {
-        Self { format, first_index, mesh: Mesh::default(), max_index: None }
-    }
-
-    pub(super) fn num_vertices(&self) -> usize {
-        self.mesh.vertices.len()
-    }
-
-    pub(super) fn num_triangles(&self) -> usize {
-        self.mesh.triangles.len()
-    }
-
-    /// Adds a vertex, after checks of count and coordinates.
-    pub(super) fn add_vertex(
-        &mut self,
-        position: [f64; 3],
-        location: Location,
-    ) -> Result<(), MeshError> {
-        check_limit("vertices", self.num_vertices() as u64 + 1, MAX_VERTICES)?;
-        let limit = MAX_COORDINATE;
-        let is_valid = |x: &f64| x.is_finite() && x.abs() <= f64::from(limit);
-        if let Some(&found) = position.iter().find(|x| !is_valid(x)) {
-            return Err(MeshError::NotFinite { location, found, limit });
-        }
-        let [x, y, z] = position;
-        self.mesh.vertices.push(Vec3::new(x as f32, y as f32, z as f32));
-        Ok(())
-    }
-
-    /// Adds a face as a triangle fan; `corners` are vertex indices from 0.
-    pub(super) fn add_polygon(
-        &mut self,
-        corners: &[u32],
-        location: Location,
-    ) -> Result<(), MeshError> {
-        let [first, rest @ ..] = corners else { return Err(self.too_few_corners(0, location)) };
-        if rest.len() < 2 {
-            return Err(self.too_few_corners(corners.len(), location));
-        }
-        let found = (self.num_triangles() + rest.len() - 1) as u64;
-        check_limit("triangles", found, MAX_TRIANGLES)?;
-        let max_index = corners.iter().fold(*first, |a, &b| a.max(b));
-        if self.max_index.is_none_or(|(index, _)| max_index > index) {
-            self.max_index = Some((max_index, location));
-        }
-        self.mesh.triangles.extend(rest.windows(2).map(|pair| [*first, pair[0], pair[1]]));
-        Ok(())
-    }
-
-    fn too_few_corners(&self, found: usize, location: Location) -> MeshError {
-        let expected = "a face with at least 3 corners";
-        MeshError::Malformed { format: self.format, location, expected, found: found.to_string() }
-    }
-
-    /// Error for a face with the undefined vertex `index`, counted as in the file.
-    pub(super) fn bad_index(&self, index: i64, location: Location) -> MeshError {
-        let last = self.first_index + self.num_vertices() as i64 - 1;
-        let limits = if self.num_vertices() == 0 {
-            "there are no vertices".to_owned()
-        } else {
-            format!("there are vertices {} to {last}", self.first_index)
-        };
-        MeshError::BadIndex { location, index, limits }
-    }
-
-    /// Returns the mesh, after a check of the vertex indices.
-    pub(super) fn finish(self) -> Result<Mesh, MeshError> {
-        match self.max_index {
-            None => Err(MeshError::NoFaces { vertices: self.num_vertices() }),
-            Some((index, location)) if index as usize >= self.num_vertices() => {
-                Err(self.bad_index(self.first_index + i64::from(index), location))
-            }
-            Some(_) => Ok(self.mesh),
-        }
-    }
 }
 
 /// Fails if `found` items (`what`, plural) exceed `limit`.

@@ -1,9 +1,10 @@
 //! PLY: a text header that declares elements with properties, then their rows as text or binary.
 //!
-//! Only `x`, `y`, `z` of `vertex` and the index list of `face` are used.
+//! Only `x`, `y`, `z` of `vertex` and the index lists of `face` and `tristrips` are used.
 
 use super::MAX_VERTICES;
-use super::parse::{LineReader, MeshBuilder, excerpt, parse_number};
+use super::builder::MeshBuilder;
+use super::parse::{LineReader, excerpt, parse_number};
 use super::ply_header::{Element, PlyEncoding, PlyType, PropertyRole, parse_header};
 use crate::{Location, Mesh, MeshError};
 
@@ -11,7 +12,8 @@ pub(super) const FORMAT: &str = "PLY";
 
 /// Whether the bytes start with the magic line of PLY.
 pub(super) fn is_ply(bytes: &[u8]) -> bool {
-    bytes.starts_with(b"ply\n") || bytes.starts_with(b"ply\r")
+    let line = bytes.split(|&b| b == b'\n' || b == b'\r').next().unwrap_or_default();
+    line.trim_ascii_end().eq_ignore_ascii_case(b"ply")
 }
 
 /// Parses the faces, after a check of the header's counts against the file size.
@@ -22,12 +24,8 @@ pub(super) fn read(bytes: &[u8]) -> Result<Mesh, MeshError> {
     let mut body = RowReader { bytes, offset: start, line, encoding };
     let mut builder = MeshBuilder::new(FORMAT, 0);
     let mut corners = Vec::new();
-    if !elements.iter().any(|e| e.name == "face") && elements.iter().any(|e| e.name == "tristrips")
-    {
-        return Err(MeshError::Unsupported {
-            format: FORMAT,
-            feature: "triangle strips".to_owned(),
-        });
+    if encoding != PlyEncoding::Text && elements.iter().any(Element::has_single_precision) {
+        builder.set_single_precision();
     }
     for element in &elements {
         element.check(&body)?;
@@ -40,16 +38,26 @@ pub(super) fn read(bytes: &[u8]) -> Result<Mesh, MeshError> {
                 body.row(element).map_err(|error| element.error(error, row, body.location()))?;
             if element.name == "vertex" {
                 builder.add_vertex(position, location)?;
-            } else if element.name == "face" {
+            } else if element.is_face() {
                 corners.clear();
                 for index in list {
+                    // -1 ends a triangle strip.
+                    if index == -1.0 && element.is_strip() {
+                        builder.add_strip(&corners, location)?;
+                        corners.clear();
+                        continue;
+                    }
                     let corner = index as u32;
                     if f64::from(corner) != index {
                         return Err(builder.bad_index(index as i64, location));
                     }
                     corners.push(corner);
                 }
-                builder.add_polygon(&corners, location)?;
+                if element.is_strip() {
+                    builder.add_strip(&corners, location)?;
+                } else {
+                    builder.add_polygon(&corners, location)?;
+                }
             }
         }
     }
@@ -70,7 +78,7 @@ impl Element {
             "vertex" if !(0..3).all(|axis| has(PropertyRole::Coordinate(axis))) => {
                 "properties x, y and z"
             }
-            "face" if !has(PropertyRole::Corners) => "a list property vertex_indices",
+            _ if self.is_face() && !has(PropertyRole::Corners) => "a list property vertex_indices",
             _ => {
                 // A number in text takes a digit and a space; the last one needs no space.
                 let sizes = self.properties.iter().map(|p| match body.encoding {
@@ -231,6 +239,29 @@ mod tests {
     }
 
     #[test]
+    fn triangle_strips_are_read() {
+        let rows = "0 0 0 255\n1 0 0 255\n0 1 0 255\n8 0 1 2 0 -1 2 1 0\n";
+        let mesh = read(format!("{HEAD}{rows}").replace("face", "tristrips").as_bytes()).unwrap();
+        assert_eq!(mesh.triangles, [[0, 1, 2], [2, 1, 0], [2, 1, 0]]);
+        let cut = rows.replace("8 0 1 2 0 -1 2 1 0", "2 0 1");
+        let error = read(format!("{HEAD}{cut}").replace("face", "tristrips").as_bytes());
+        assert_eq!(error, Err(MeshError::NoFaces { vertices: 3 }));
+    }
+
+    #[test]
+    fn properties_are_found_in_any_order_and_case() {
+        let head = "PLY \r\nformat ascii 1.0\r\nelement face 1\r\nproperty uchar flags\r\n\
+            property list uchar float texcoord\r\nproperty list int short vertices\r\n\
+            element vertex 3\r\nproperty double Z\r\nproperty uchar red\r\n\
+            property list uchar int extra\r\nproperty double Y\r\nproperty double X\r\n\
+            end_header\r\n";
+        let rows = "7 2 0.5 0.5 3 0 1 2\r\n3 9 0 2 1\r\n3 9 1 7 2 1\r\n3 9 0 3 4\r\n";
+        let mesh = read(format!("{head}{rows}").as_bytes()).unwrap();
+        assert_eq!(mesh.triangles, [[0, 1, 2]]);
+        assert_eq!(mesh.vertices[2].to_array(), [4.0, 3.0, 3.0]);
+    }
+
+    #[test]
     fn excessive_header_counts_are_rejected_without_allocation() {
         let bytes = test_meshes::ply_binary(&test_meshes::cube(), false);
         let start = bytes.windows(4).position(|w| w == b"end_").unwrap();
@@ -258,7 +289,6 @@ mod tests {
             ("format ascii 1.0", "comment", "expected a \"format\" line"),
             ("property float x", "property complex x", "line 5: expected a property's type"),
             ("end_header", "comment", "line 12: expected a PLY header line"),
-            ("element face", "element tristrips", "uses triangle strips"),
         ] {
             let rows = "0 0 0 255\n1 0 0 255\n0 1 0 255\n3 0 1 2\n";
             let error = read(format!("{HEAD}{rows}").replace(from, to).as_bytes()).unwrap_err();

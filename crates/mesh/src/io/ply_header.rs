@@ -72,7 +72,9 @@ pub(super) fn parse_header(
             break;
         }
         match tokens[..] {
-            [] | [b"ply" | b"comment" | b"obj_info", ..] => continue,
+            [] | [b"comment" | b"obj_info", ..] => continue,
+            // The magic line, in any case.
+            _ if line == 1 => continue,
             [b"format", name, _] => {
                 encoding = Some(match name {
                     b"ascii" => PlyEncoding::Text,
@@ -114,6 +116,23 @@ pub(super) fn parse_header(
     Err(MeshError::Truncated { format: FORMAT, expected, found })
 }
 
+impl Element {
+    /// Whether the rows are faces or triangle strips.
+    pub(super) fn is_face(&self) -> bool {
+        self.name == "face" || self.is_strip()
+    }
+
+    pub(super) fn is_strip(&self) -> bool {
+        self.name == "tristrips"
+    }
+
+    /// Whether the coordinates are in single precision.
+    pub(super) fn has_single_precision(&self) -> bool {
+        let is_coordinate = |p: &&Property| matches!(p.role, PropertyRole::Coordinate(_));
+        self.properties.iter().filter(is_coordinate).any(|p| matches!(p.value, PlyType::F32))
+    }
+}
+
 impl Property {
     fn parse(tokens: &[&[u8]]) -> Option<Self> {
         let (length, value, name) = match *tokens {
@@ -123,11 +142,11 @@ impl Property {
             }
             _ => return None,
         };
-        let role = match (name, length) {
+        let role = match (&name.to_ascii_lowercase()[..], length) {
             (b"x", None) => PropertyRole::Coordinate(0),
             (b"y", None) => PropertyRole::Coordinate(1),
             (b"z", None) => PropertyRole::Coordinate(2),
-            (b"vertex_indices" | b"vertex_index", Some(_)) => PropertyRole::Corners,
+            (b"vertex_indices" | b"vertex_index" | b"vertices", Some(_)) => PropertyRole::Corners,
             _ => PropertyRole::Skipped,
         };
         Some(Self { role, length, value })

@@ -1,79 +1,50 @@
 //! Winding of triangles: consistent within each patch, outward for shells, inward for cavities.
 
-use super::RepairReport;
+use super::edges::{HalfEdge, edges, find_root, half_edges, is_forward, twins, union};
 use crate::{Mesh, bounds};
 use glamx::{DVec3, Vec3};
 
-/// Half-edge: the lower and the higher vertex index of its edge, and its number 3 * triangle + side.
-type HalfEdge = (u32, u32, usize);
+/// Max number of triangles at an edge of a closed patch, because the test takes the square of the time.
+const MAX_EDGE_TRIANGLES: usize = 64;
 
-/// Half-edges of all triangles, sorted by edge.
-fn half_edges(mesh: &Mesh) -> Vec<HalfEdge> {
-    let of_triangle = |(i, t): (usize, &[u32; 3])| {
-        [0, 1, 2].map(|k| {
-            let (a, b) = (t[k], t[(k + 1) % 3]);
-            (a.min(b), a.max(b), 3 * i + k)
-        })
-    };
-    let mut all: Vec<HalfEdge> = mesh.triangles.iter().enumerate().flat_map(of_triangle).collect();
-    all.sort_unstable();
-    all
-}
-
-/// Whether a half-edge runs from the lower to the higher vertex index.
-fn is_forward(mesh: &Mesh, half_edge: usize) -> bool {
-    let triangle = mesh.triangles[half_edge / 3];
-    triangle[half_edge % 3] < triangle[(half_edge + 1) % 3]
-}
-
-/// Makes the winding consistent within each patch, then flips patches outward; completes the report.
-pub(super) fn orient_triangles(mesh: &mut Mesh, report: &mut RepairReport) {
+/// Makes the winding consistent within each patch, then flips patches outward; returns the number of flipped
+/// triangles.
+pub(super) fn orient_triangles(mesh: &mut Mesh) -> usize {
     let half_edges = half_edges(mesh);
-    let edges = || half_edges.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1));
-    let mut twins = vec![usize::MAX; half_edges.len()];
-    for edge in edges() {
-        if let [a, b] = edge {
-            twins[a.2] = b.2;
-            twins[b.2] = a.2;
-        }
-    }
-    let (patch_of, mut is_flipped, patches) = find_patches(mesh, &twins);
+    let (patch_of, mut is_flipped, mut patches) = find_patches(mesh, &twins(&half_edges));
+    find_closed_patches(mesh, &half_edges, &patch_of, &is_flipped, &mut patches);
     let flips_patch = patches_to_flip(mesh, &patch_of, &patches);
-    for (is_flipped, &patch) in is_flipped.iter_mut().zip(&patch_of) {
-        *is_flipped ^= flips_patch[patch];
-    }
-    for (triangle, _) in mesh.triangles.iter_mut().zip(&is_flipped).filter(|(_, flip)| **flip) {
-        triangle.swap(1, 2);
-        report.flipped_triangles += 1;
-    }
-    let mut parent: Vec<usize> = (0..patches.len()).collect();
-    // Flipping a triangle renumbers its half-edges but does not change their edges.
-    for edge in edges() {
-        let forward = edge.iter().filter(|side| {
-            let triangle = mesh.triangles[side.2 / 3];
-            (0..3).any(|k| (triangle[k], triangle[(k + 1) % 3]) == (side.0, side.1))
-        });
-        match (edge.len(), forward.count()) {
-            (1, _) => report.boundary_edges += 1,
-            (2, 1) => {}
-            _ => report.non_manifold_edges += 1,
-        }
-        for side in edge {
-            let [a, b] = [edge[0].2, side.2].map(|s| find_root(&mut parent, patch_of[s / 3]));
-            parent[a.max(b)] = a.min(b);
+    let flips_group = groups_to_flip(mesh, &half_edges, &patch_of, &patches);
+    let mut num_flipped = 0;
+    for (i, triangle) in mesh.triangles.iter_mut().enumerate() {
+        let patch = patch_of[i];
+        is_flipped[i] = flips_group[patch].unwrap_or(is_flipped[i] ^ flips_patch[patch]);
+        if is_flipped[i] {
+            triangle.swap(1, 2);
+            num_flipped += 1;
         }
     }
-    report.components = (0..parent.len()).filter(|&i| parent[i] == i).count();
-    report.watertight = report.boundary_edges == 0 && report.non_manifold_edges == 0;
+    num_flipped
 }
 
-/// Root of the connected component of `patch` (union-find with path halving).
-fn find_root(parent: &mut [usize], mut patch: usize) -> usize {
-    while parent[patch] != patch {
-        parent[patch] = parent[parent[patch]];
-        patch = parent[patch];
-    }
-    patch
+/// Triangles of the closed patches, if they are a part of the mesh that has this fraction of its area.
+///
+/// Open patches, such as a loose triangle, enclose no volume.
+pub(crate) fn closed_surface(mesh: &Mesh, min_area: f64) -> Option<Mesh> {
+    let half_edges = half_edges(mesh);
+    let (patch_of, is_flipped, mut patches) = find_patches(mesh, &twins(&half_edges));
+    find_closed_patches(mesh, &half_edges, &patch_of, &is_flipped, &mut patches);
+    let area = |t: &[u32; 3]| {
+        let [a, b, c] = t.map(|i| mesh.vertices[i as usize].as_dvec3());
+        (b - a).cross(c - a).length()
+    };
+    let total: f64 = mesh.triangles.iter().map(area).sum();
+    let triangles = mesh.triangles.iter().zip(&patch_of);
+    let closed: Vec<[u32; 3]> =
+        triangles.filter(|(_, patch)| patches[**patch].is_closed).map(|(t, _)| *t).collect();
+    let fraction = closed.iter().map(area).sum::<f64>() / total;
+    let vertices = || mesh.vertices.clone();
+    (fraction >= min_area).then(|| Mesh { vertices: vertices(), triangles: closed })
 }
 
 /// Triangles connected across edges with exactly two triangles.
@@ -83,6 +54,7 @@ struct Patch {
     bounds: [Vec3; 2],
     /// Position of one vertex.
     corner: DVec3,
+    /// Whether each edge has as many triangles of the patch in one direction as in the other.
     is_closed: bool,
 }
 
@@ -99,14 +71,11 @@ fn find_patches(mesh: &Mesh, twins: &[usize]) -> (Vec<usize>, Vec<bool>, Vec<Pat
         patch_of[seed] = patches.len();
         let mut members = vec![seed];
         let mut next = 0;
-        let mut is_closed = true;
         while let Some(&current) = members.get(next) {
             next += 1;
             for side in [0, 1, 2].map(|k| 3 * current + k) {
                 let twin = twins[side];
-                if twin == usize::MAX {
-                    is_closed = false;
-                } else if patch_of[twin / 3] == usize::MAX {
+                if twin != usize::MAX && patch_of[twin / 3] == usize::MAX {
                     patch_of[twin / 3] = patches.len();
                     // Neighbours of consistent winding run along their edge in opposite directions.
                     let is_inconsistent = is_forward(mesh, side) == is_forward(mesh, twin);
@@ -124,9 +93,76 @@ fn find_patches(mesh: &Mesh, twins: &[usize]) -> (Vec<usize>, Vec<bool>, Vec<Pat
             a.dot(b.cross(c)) / if is_flipped[i] { -6.0 } else { 6.0 }
         });
         let (volume, corner) = (volumes.sum(), corners(seed)[0].as_dvec3());
-        patches.push(Patch { volume, bounds, corner, is_closed });
+        patches.push(Patch { volume, bounds, corner, is_closed: true });
     }
     (patch_of, is_flipped, patches)
+}
+
+/// Clears [`Patch::is_closed`] of each patch that has an open edge.
+///
+/// At an edge of more than two triangles, two patches may touch that are closed without each other.
+fn find_closed_patches(
+    mesh: &Mesh,
+    half_edges: &[HalfEdge],
+    patch_of: &[usize],
+    is_flipped: &[bool],
+    patches: &mut [Patch],
+) {
+    for edge in edges(half_edges).filter(|edge| edge.len() != 2) {
+        let direction = |side: &HalfEdge| {
+            if is_forward(mesh, side.2) != is_flipped[side.2 / 3] { 1 } else { -1 }
+        };
+        for side in edge {
+            let patch = patch_of[side.2 / 3];
+            if edge.len() > MAX_EDGE_TRIANGLES {
+                patches[patch].is_closed = false;
+                continue;
+            }
+            let of_patch = edge.iter().filter(|other| patch_of[other.2 / 3] == patch);
+            patches[patch].is_closed &= of_patch.map(direction).sum::<i32>() == 0;
+        }
+    }
+}
+
+/// Whether to flip each open patch that closes a volume together with others in the winding of the file.
+///
+/// `None` for any other patch. Faces of touching blocks, each bounded by edges of four triangles, are such
+/// patches; alone, they have no outer side.
+fn groups_to_flip(
+    mesh: &Mesh,
+    half_edges: &[HalfEdge],
+    patch_of: &[usize],
+    patches: &[Patch],
+) -> Vec<Option<bool>> {
+    let is_open = |side: &HalfEdge| !patches[patch_of[side.2 / 3]].is_closed;
+    let mut group: Vec<usize> = (0..patches.len()).collect();
+    for edge in edges(half_edges) {
+        let mut open = edge.iter().filter(|side| is_open(side)).map(|side| patch_of[side.2 / 3]);
+        if let Some(first) = open.next() {
+            open.for_each(|other| union(&mut group, first, other));
+        }
+    }
+    let roots: Vec<usize> = (0..patches.len()).map(|i| find_root(&mut group, i)).collect();
+    let mut is_balanced: Vec<bool> = patches.iter().map(|patch| !patch.is_closed).collect();
+    for edge in edges(half_edges) {
+        let open = || edge.iter().filter(|side| is_open(side));
+        let forward = open().filter(|side| is_forward(mesh, side.2)).count();
+        if let Some(side) = open().next().filter(|_| 2 * forward != open().count()) {
+            is_balanced[roots[patch_of[side.2 / 3]]] = false;
+        }
+    }
+    let [low, high] = mesh.bounds().map(|corner| corner.as_dvec3());
+    let center = (low + high) / 2.0;
+    let mut volumes = vec![0.0; patches.len()];
+    for (triangle, &patch) in mesh.triangles.iter().zip(patch_of) {
+        let [a, b, c] = triangle.map(|i| mesh.vertices[i as usize].as_dvec3() - center);
+        volumes[roots[patch]] += a.dot(b.cross(c));
+    }
+    let flip = |i: usize| {
+        let is_member = !patches[i].is_closed && is_balanced[roots[i]];
+        is_member.then_some(volumes[roots[i]] < 0.0)
+    };
+    (0..patches.len()).map(flip).collect()
 }
 
 /// Whether to flip each patch so that it faces outward.
