@@ -6,6 +6,7 @@ mod response;
 pub use code::ProblemCode;
 
 use crate::jobs::Job;
+use crate::jobs::kinds::mesh_options::size_required_hint;
 use crate::store::is_full;
 use axum::http::StatusCode;
 use std::time::Duration;
@@ -266,6 +267,26 @@ impl Problem {
         let detail = "event streams are available as text/event-stream only".to_owned();
         let hint = "GET .../events returns the events as JSON";
         Self::new(StatusCode::NOT_ACCEPTABLE, ProblemCode::NotAcceptable, detail, hint)
+    }
+
+    /// Invalid mesh file, or a mesh of unknown size.
+    pub(crate) fn unusable_mesh(error: &mesh::MeshError) -> Self {
+        let (detail, hint) = error.cause_and_hint();
+        match error.code() {
+            "size_required" => {
+                let hint = size_required_hint();
+                let problem = Self::invalid_mesh((detail, hint));
+                Self { code: ProblemCode::SizeRequired, param: Some("size_m".into()), ..problem }
+            }
+            _ => Self::invalid_mesh((detail, hint)),
+        }
+    }
+
+    /// A job with a mesh whose file does not tell its size.
+    pub(crate) fn mesh_size_required(id: &str) -> Self {
+        let detail = format!("the file of \"{id}\" does not tell the size of the mesh");
+        let problem = Self::invalid_parameter("params.size_m", detail);
+        Self { code: ProblemCode::SizeRequired, hint: size_required_hint(), ..problem }
     }
 
     /// Invalid mesh file; see [`mesh::MeshError::cause_and_hint`].

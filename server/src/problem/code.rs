@@ -57,6 +57,8 @@ pub enum ProblemCode {
     MalformedJson,
     /// The mesh file is invalid.
     InvalidMesh,
+    /// The file and the options do not tell how large the mesh is.
+    SizeRequired,
     /// The stored meshes have reached their maximum total size.
     MeshQuotaExceeded,
     /// The path does not support this method.

@@ -13,7 +13,7 @@ use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use chrono::Utc;
 use futures_util::StreamExt;
-use mesh::MeshSummary;
+use mesh::{MeshOptions, MeshSummary, Unit, UpAxis};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -28,7 +28,13 @@ const MAX_NAME_CHARS: usize = 100;
 ///
 /// The file is the body, or the first file of a form.
 #[utoipa::path(
-    post, path = "/meshes", tag = "meshes", params(("name" = Option<String>, Query, description = "File name")),
+    post, path = "/meshes", tag = "meshes", params(
+        ("name" = Option<String>, Query, description = "File name"),
+        ("unit" = Option<String>, Query, description = "Unit of the mesh: m, cm, mm or in"),
+        ("size_m" = Option<f32>, Query, description = "Length of the longest side (m), instead of unit and scale"),
+        ("scale" = Option<f32>, Query, description = "Factor on the coordinates, in addition to the unit"),
+        ("up" = Option<String>, Query, description = "Axis of the file that points up: x, y or z"),
+    ),
     request_body(content((schemas::Bytes = "application/octet-stream"), (MeshForm = "multipart/form-data")), description = mesh::format_list()),
     responses((status = 201, description = "The new mesh", body = schemas::Mesh), (status = 200, description = "The mesh already exists", body = schemas::Mesh)),
 )]
@@ -44,6 +50,7 @@ pub(crate) async fn upload(
         return Err(Problem::mesh_quota_exceeded(max_total));
     }
     let given_name = query.get("name").cloned();
+    let options = mesh_options(&query)?;
     let upload = NamedTempFile::new_in(scheduler.uploads_dir())
         .map_err(|error| Problem::file_unreadable(&error))?;
     let received =
@@ -59,13 +66,17 @@ pub(crate) async fn upload(
     let inspected = tokio::task::spawn_blocking(move || {
         // Held until the inspection ends, even if the client disconnects.
         let _permit = permit;
-        let summary = mesh::import(&bytes, None).and_then(|import| MeshSummary::of(&import));
-        (summary, bytes)
+        let summary = mesh::import(&bytes, &options).and_then(|import| MeshSummary::of(&import));
+        let is_size_required = options.has_size() && {
+            let error = mesh::import(&bytes, &MeshOptions::default()).err();
+            error.is_some_and(|error| error.code() == "size_required")
+        };
+        (summary, is_size_required, bytes)
     });
-    let (summary, bytes) = inspected
+    let (summary, is_size_required, bytes) = inspected
         .await
         .map_err(|_| Problem::invalid_mesh(PARSER_PANICKED.map(str::to_owned).into()))?;
-    let summary = summary.map_err(|error| Problem::invalid_mesh(error.cause_and_hint()))?;
+    let summary = summary.map_err(|error| Problem::unusable_mesh(&error))?;
     let id = format!("msh_{}", &blake3::hash(&bytes).to_hex()[..16]);
     let _guard = state.mesh_locks.records.lock().await;
     if let Some(known) = scheduler.store.record(RecordKind::Mesh, &id).await? {
@@ -79,7 +90,7 @@ pub(crate) async fn upload(
     let artifact = scheduler.store.put_bytes(&id, &name, bytes).await?;
     let record = json!({
         "id": id, "object": "mesh", "name": name, "hash": artifact.hash, "bytes": artifact.bytes,
-        "created_at": Utc::now(), "summary": summary,
+        "created_at": Utc::now(), "summary": summary, "size_required": is_size_required,
         "urls": {
             "self": format!("/api/v1/meshes/{id}"), "file": format!("/api/v1/meshes/{id}/file"),
         },
@@ -102,6 +113,32 @@ fn reserve_space(
     let reserved = state.mesh_locks.reserved.reserve(2 * length.min(MAX_MESH_BYTES as u64));
     state.quotas.ensure_free_space_for(folder, reserved.total())?;
     Ok(reserved)
+}
+
+/// Options of the mesh in the query.
+fn mesh_options(query: &BTreeMap<String, String>) -> Result<MeshOptions, Problem> {
+    let invalid = |name: &str, expected: &str| {
+        Problem::invalid_parameter(name, format!("expected {expected}"))
+    };
+    let number = |name: &str| {
+        let text = query.get(name);
+        let parsed = text.map(|text| text.parse().map_err(|_| invalid(name, "a positive number")));
+        parsed.transpose()
+    };
+    let unit = query.get("unit").map(|text| {
+        Unit::from_symbol(text).ok_or_else(|| invalid("unit", "m, cm, mm or in"))
+    });
+    let up = query
+        .get("up")
+        .map(|text| UpAxis::from_name(text).ok_or_else(|| invalid("up", "x, y or z")));
+    let options = MeshOptions {
+        unit: unit.transpose()?,
+        size: number("size_m")?,
+        scale: number("scale")?,
+        up: up.transpose()?,
+    };
+    options.check().map_err(|error| Problem::invalid_parameter("size_m", error.to_string()))?;
+    Ok(options)
 }
 
 /// Form with a mesh file.

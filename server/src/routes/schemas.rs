@@ -114,6 +114,8 @@ pub(super) struct Mesh {
     bytes: u64,
     created_at: DateTime<Utc>,
     summary: MeshSummary,
+    /// Whether the file does not tell the size: jobs with the mesh must give `size_m`, `unit` or `scale`.
+    size_required: bool,
     urls: MeshUrls,
 }
 
@@ -139,9 +141,30 @@ struct MeshSummary {
     boundary_edges: u64,
     /// Triangles removed or flipped by the repair.
     repaired_triangles: u64,
+    /// Components removed as debris: small ones around the object, or far from it.
+    removed_debris: u64,
+    /// Small holes that were closed.
+    filled_holes: u64,
     volume_m3: f64,
-    /// Whether the volume is that of the convex hull, because the surface is not closed.
-    volume_from_hull: bool,
+    /// Solid from which the volume is computed.
+    volume_source: VolumeSource,
+}
+
+/// Solid from which a volume is computed.
+#[derive(ToSchema)]
+#[schema(rename_all = "snake_case")]
+#[expect(dead_code, reason = "OpenAPI schema")]
+enum VolumeSource {
+    /// The closed surface.
+    Surface,
+    /// The closed surfaces, without open ones that enclose no volume.
+    ClosedSurfaces,
+    /// The union of solids that overlap.
+    Union,
+    /// The convex parts, because the surface is open.
+    ConvexParts,
+    /// The convex hull.
+    Hull,
 }
 
 #[derive(ToSchema)]

@@ -97,6 +97,36 @@ async fn deleted_mesh_is_rejected_as_input() {
 }
 
 #[tokio::test]
+async fn mesh_of_unit_size_requires_its_size() {
+    let (app, _folder) = test_app().await;
+    let unit_sized = TETRAHEDRON.replace("0.1", "1");
+    let response = send(&app, "POST", "/meshes", &unit_sized).await;
+    let problem = assert_problem(response, 422, "size_required").await;
+    assert_eq!(problem["errors"][0]["param"], "size_m", "{problem}");
+    let mesh = send(&app, "POST", "/meshes?size_m=0.12&up=y", &unit_sized).await;
+    assert_eq!(mesh.status(), StatusCode::CREATED);
+    let mesh = json_of(mesh).await;
+    let height = mesh["summary"]["extent_m"][2].as_f64().unwrap();
+    assert!((height - 0.12).abs() < 1e-6, "{mesh}");
+    let job = |size: serde_json::Value| {
+        let params = json!({ "mesh_id": mesh["id"], "size_m": size });
+        json!({ "kind": "mesh.prepare", "params": params }).to_string()
+    };
+    let problem = send(&app, "POST", "/jobs", job(json!(null))).await;
+    let problem = assert_problem(problem, 422, "size_required").await;
+    assert_eq!(problem["errors"][0]["param"], "params.size_m", "{problem}");
+    let created = send(&app, "POST", "/jobs", job(json!(0.12))).await;
+    assert_eq!(created.status(), StatusCode::CREATED);
+    // A mesh whose file tells the size needs none.
+    let known = json_of(send(&app, "POST", "/meshes?unit=m", TETRAHEDRON).await).await;
+    assert_eq!(known["size_required"], false, "{known}");
+    for query in ["unit=ell", "size_m=-1", "size_m=big", "scale=0", "up=w", "unit=m&size_m=1"] {
+        let response = send(&app, "POST", &format!("/meshes?{query}"), TETRAHEDRON).await;
+        assert_problem(response, 422, "invalid_parameter").await;
+    }
+}
+
+#[tokio::test]
 async fn invalid_mesh_files_and_forms_are_rejected() {
     let (app, _folder) = test_app().await;
     for bytes in ["", "solid", "v 0 0", "glTF", "\0\0\0\0"] {

@@ -8,6 +8,7 @@ mod command_line;
 mod cost;
 mod dataset_generate;
 mod encoder_train;
+pub(crate) mod mesh_options;
 mod mesh_prepare;
 mod object_params;
 mod param_checks;
@@ -54,6 +55,11 @@ pub(crate) trait JobKind: Sized {
     /// Random seed of the job; 0 for kinds without one.
     fn seed(&self) -> u64 {
         0
+    }
+
+    /// Whether unit, size or scale of the mesh are given; true for kinds without a mesh.
+    fn has_mesh_size(&self) -> bool {
+        true
     }
 
     /// Ids of the datasets, models and meshes that the job uses.
@@ -145,6 +151,8 @@ mod tests {
             ),
             (Kind::DatasetGenerate, json!({ "mesh_id": "msh_1", "object": "bleach" }), "mesh_id"),
             (Kind::MeshPrepare, json!({}), "mesh_id"),
+            (Kind::MeshPrepare, json!({ "mesh_id": "msh_1", "size_m": 0.0 }), "size_m"),
+            (Kind::PolicyEvaluate, json!({ "model_id": "x", "object": "bleach", "up": "y" }), "up"),
             (Kind::EncoderTrain, json!({}), "dataset_id"),
             (Kind::EncoderTrain, json!({ "dataset_id": "x", "steps": 0 }), "steps"),
             (

@@ -1,8 +1,11 @@
 //! Object of a job: parameters, validation and command line.
 
 use super::command_line::option_args;
+use super::mesh_options;
 use super::param_checks::{Invalid, check_range, invalid};
+use mesh::{MeshOptions, Unit, UpAxis};
 use objects::catalog::CATALOG;
+use objects::import::Orientation;
 use objects::object::Object;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -32,6 +35,24 @@ pub(crate) struct ObjectParams {
     /// Density of the mesh (kg/m³), as an alternative to its mass.
     #[serde(default)]
     pub(crate) density_kg_m3: Option<f64>,
+    /// Unit of the mesh: `m`, `cm`, `mm` or `in`; by default that of the format, or the one that suits the size.
+    #[serde(default)]
+    #[schema(schema_with = mesh_options::unit_schema)]
+    pub(crate) unit: Option<Unit>,
+    /// Length of the longest side of the mesh (m), instead of unit and scale.
+    #[serde(default)]
+    pub(crate) size_m: Option<f32>,
+    /// Factor on the coordinates of the mesh, in addition to its unit.
+    #[serde(default)]
+    pub(crate) scale: Option<f32>,
+    /// Axis of the mesh file that points up: `x`, `y` or `z`.
+    #[serde(default)]
+    #[schema(schema_with = mesh_options::up_schema)]
+    pub(crate) up: Option<UpAxis>,
+    /// Orientation of the mesh: `asInFile`, or a stable pose by its index.
+    #[serde(default)]
+    #[schema(schema_with = mesh_options::orientation_schema)]
+    pub(crate) orientation: Option<Orientation>,
 }
 
 impl ObjectParams {
@@ -51,6 +72,10 @@ impl ObjectParams {
                     "only valid with mesh_id; built-in objects have a mass",
                 ));
             }
+        }
+        mesh_options::validate(&self.mesh_options(), self.mesh_id.is_some())?;
+        if self.orientation.is_some() && self.mesh_id.is_none() {
+            return Err(invalid("orientation", "only valid with mesh_id"));
         }
         match (&self.object, &self.mesh_id) {
             (Some(_), Some(_)) => {
@@ -78,8 +103,19 @@ impl ObjectParams {
             option_args("mesh", mesh.map(Path::display)),
             option_args("mass", self.mass_kg),
             option_args("density", self.density_kg_m3),
+            mesh_options::argv(&self.mesh_options()),
+            mesh_options::orientation_argv(self.orientation),
         ]
         .concat()
+    }
+
+    /// Whether unit, size or scale of the mesh are given.
+    pub(super) fn has_mesh_size(&self) -> bool {
+        self.mesh_options().has_size()
+    }
+
+    fn mesh_options(&self) -> MeshOptions {
+        MeshOptions { unit: self.unit, size: self.size_m, scale: self.scale, up: self.up }
     }
 }
 

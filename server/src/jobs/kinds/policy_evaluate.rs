@@ -68,6 +68,10 @@ impl JobKind for EvaluationParams {
         self.seed
     }
 
+    fn has_mesh_size(&self) -> bool {
+        self.object_params.has_mesh_size()
+    }
+
     fn inputs(&self) -> Inputs {
         Inputs {
             mesh_id: self.object_params.mesh_id.clone(),

@@ -73,6 +73,13 @@ macro_rules! job_kinds {
                 }
             }
 
+            /// See [`JobKind::has_mesh_size`].
+            pub(crate) fn has_mesh_size(&self) -> bool {
+                match self {
+                    $(Self::$kind(params) => params.has_mesh_size(),)*
+                }
+            }
+
             /// See [`JobKind::inputs`].
             pub(crate) fn inputs(&self) -> Inputs {
                 match self {

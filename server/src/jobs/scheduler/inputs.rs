@@ -13,10 +13,13 @@ impl JobScheduler {
     /// Input ids of a job with these parameters; fails if an input does not exist.
     pub(crate) async fn resolve_inputs(&self, params: &Params) -> Result<Inputs, Problem> {
         let inputs = params.inputs();
-        if let Some(id) = &inputs.mesh_id
-            && self.store.record(RecordKind::Mesh, id).await?.is_none()
-        {
-            return Err(Problem::input_not_found("mesh_id", id));
+        if let Some(id) = &inputs.mesh_id {
+            let Some(record) = self.store.record(RecordKind::Mesh, id).await? else {
+                return Err(Problem::input_not_found("mesh_id", id));
+            };
+            if record["size_required"] == true && !params.has_mesh_size() {
+                return Err(Problem::mesh_size_required(id));
+            }
         }
         if let Some(id) = &inputs.dataset_id
             && self.store.record(RecordKind::Dataset, id).await?.is_none()
