@@ -1,5 +1,6 @@
 // Evaluation table: success rates, and a demo link for each failed attempt.
 
+import type { ImportOptions } from "../demo/worker/messages";
 import { type List, requestJson } from "../common/api";
 import { h } from "../common/dom";
 import { label, percent } from "../common/numbers";
@@ -83,7 +84,7 @@ function shareLink(report: Evaluation, { seed, pose: [x, y, yaw], final_state_ha
   const attempt = {
     object: report.object,
     objectHash: report.object_hash,
-    options: isMesh ? { unit: null, massKg: Number(mass_kg), orientation } : null,
+    options: isMesh ? { ...meshSize(params), massKg: Number(mass_kg), orientation } : null,
     mesh: isMesh ? mesh_id : null,
     pose: { x, y, yaw },
     placedByHand: false,
@@ -96,4 +97,15 @@ function shareLink(report: Evaluation, { seed, pose: [x, y, yaw], final_state_ha
     finalStateHash: final_state_hash,
   };
   return buildLink(attempt, new URL("../", location.href).href);
+}
+
+// Size and up axis of the mesh of a job.
+function meshSize(params: Job["params"]): Pick<ImportOptions, "unit" | "sizeM" | "scale" | "up"> {
+  const { unit, size_m, scale, up } = params;
+  return {
+    unit: (unit ?? null) as ImportOptions["unit"],
+    sizeM: typeof size_m === "number" ? size_m : null,
+    scale: typeof scale === "number" ? scale : null,
+    up: (up ?? null) as ImportOptions["up"],
+  };
 }

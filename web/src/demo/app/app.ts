@@ -26,7 +26,7 @@ import { EventBus } from "./event_bus";
 import { reportGlobalErrors } from "./global_errors";
 import { Intro } from "./intro";
 import { LiveTraining } from "./live_training";
-import { ObjectImport } from "./object_import";
+import { ObjectImport, SIZE_REQUIRED } from "./object_import";
 import { SessionState } from "./session_state";
 import { ATTEMPT, FILES, LINK } from "./strings";
 import { parseUrl } from "./url_params";
@@ -230,7 +230,8 @@ async function onModel(model: Model): Promise<void> {
 function onFailure(failure: FailureEvent): void {
   if (isFatal(failure)) stop(ATTEMPT.stopped);
   if (failure.code === "wasm_unsupported") stop(ATTEMPT.unsupported);
-  errors.show(failure);
+  // The object import shows it with a form.
+  if (failure.code !== SIZE_REQUIRED) errors.show(failure);
 }
 
 // Loads the file in the URL; the first attempt waits for it.

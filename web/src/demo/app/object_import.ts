@@ -4,12 +4,16 @@ import { UploadQueue } from "../files/upload_queue";
 import type { ErrorCards } from "../panel/error_cards";
 import { ObjectInfoPanel } from "../panel/object_info";
 import { ObjectPicker } from "../panel/object_picker";
+import { sizeForm } from "../panel/size_form";
 import type { FailureEvent, ImportOptions } from "../worker/messages";
 import type { Model, ObjectLoaded, Ready, WorkerRequest } from "../worker/protocol";
 import { isFatal } from "../worker/worker_client";
 import type { EventBus } from "./event_bus";
 import type { SessionState } from "./session_state";
 import { FILES } from "./strings";
+
+// Code of the failure that asks for the size of a mesh.
+export const SIZE_REQUIRED = "size_required";
 
 export interface ObjectImportEvents {
   // Load a built-in object.
@@ -25,9 +29,11 @@ export class ObjectImport {
   readonly #events: ObjectImportEvents;
   readonly #picker: ObjectPicker;
   readonly #uploads: UploadQueue;
+  readonly #errors: ErrorCards;
+  readonly #info: ObjectInfoPanel;
 
   constructor(bus: EventBus, state: SessionState, errors: ErrorCards, events: ObjectImportEvents) {
-    [this.#state, this.#events] = [state, events];
+    [this.#state, this.#events, this.#errors] = [state, events, errors];
     this.#picker = new ObjectPicker({
       load: (object) => {
         this.#uploads.cancel();
@@ -53,7 +59,7 @@ export class ObjectImport {
     bus.on("ready", (ready) => this.#showReady(ready));
     bus.on("object", (object) => this.#showObject(object));
     bus.on("failure", (failure) => this.#onFailure(failure));
-    new ObjectInfoPanel(bus, (change) => this.#changeOptions(change));
+    this.#info = new ObjectInfoPanel(bus, (change) => this.#changeOptions(change));
   }
 
   #showReady({ objects, maxMeshBytes }: Ready): void {
@@ -64,7 +70,11 @@ export class ObjectImport {
   #showObject(object: ObjectLoaded): void {
     const { file, options } = this.#state;
     this.#picker.select(object, file);
-    if (file && options) this.#uploads.loaded(file, options);
+    if (file && options) {
+      this.#uploads.loaded(file, options);
+      this.#info.showOptions(options);
+    }
+    if (file) this.#errors.dismiss(SIZE_REQUIRED);
   }
 
   // Sends a request, after the file that is being read.
@@ -107,13 +117,29 @@ export class ObjectImport {
     this.#picker.enable();
   }
 
+  // The file stays in the list; the current object stays until the size is given.
+  #askSize(failure: FailureEvent): void {
+    const { file, options } = this.#state.refused();
+    if (!file) {
+      this.#errors.show(failure);
+      return;
+    }
+    this.#picker.restoreSelection();
+    const use = (sizeM: number) => {
+      this.#errors.dismiss(SIZE_REQUIRED);
+      void this.#uploads.start(file, { ...options, unit: null, scale: null, sizeM });
+    };
+    this.#errors.show(failure, sizeForm(use));
+  }
+
   #changeOptions(change: Partial<ImportOptions>): void {
     const { file, newestOptions, orientation: current } = this.#state;
     if (!file || !newestOptions) return;
     const options = this.#uploads.pendingOptions(file) ?? newestOptions;
-    // A new unit changes the size, so an automatic orientation is chosen again; otherwise the current one is
-    // kept.
-    const orientation = change.unit ? options.orientation : (options.orientation ?? current);
+    // A new size or up axis can change the stable poses, so an automatic orientation is chosen again; otherwise the
+    // current one is kept.
+    const isNewShape = change.unit !== undefined || change.sizeM !== undefined || change.up !== undefined;
+    const orientation = isNewShape ? options.orientation : (options.orientation ?? current);
     void this.#uploads.start(file, { ...options, orientation, ...change });
   }
 
@@ -123,6 +149,7 @@ export class ObjectImport {
       this.abandonPending();
       this.#picker.disable();
     }
+    if (failure.code === SIZE_REQUIRED) this.#askSize(failure);
     if (failure.code !== "invalid_mesh") return;
     // Null: the file is the current object, which stays in the list.
     const file = this.#state.rejected();

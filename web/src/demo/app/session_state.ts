@@ -1,5 +1,6 @@
 // Session state to replay into a new worker: object, pose, speed.
 
+import { DEFAULT_OPTIONS } from "../worker/messages";
 import type { ImportOptions } from "../worker/messages";
 import type { Frame, ObjectLoaded, Orientation, OrientationReason, WorkerRequest } from "../worker/protocol";
 import type { EventBus } from "./event_bus";
@@ -49,6 +50,12 @@ export class SessionState {
   rejected(): File | null {
     const file = this.#pending.shift()?.file;
     return file && file !== this.file ? file : null;
+  }
+
+  // The worker needs options for the first pending mesh. Returns its file, null if there is none, and its options.
+  refused(): { file: File | null; options: ImportOptions } {
+    const first = this.#pending.shift();
+    return { file: first?.file ?? null, options: first ? optionsOf(first.request) : DEFAULT_OPTIONS };
   }
 
   get isImporting(): boolean {
@@ -106,6 +113,6 @@ export class SessionState {
   }
 }
 
-function optionsOf({ unit, massKg, orientation }: Upload): ImportOptions {
-  return { unit, massKg, orientation };
+function optionsOf({ unit, sizeM, scale, up, massKg, orientation }: Upload): ImportOptions {
+  return { unit, sizeM, scale, up, massKg, orientation };
 }

@@ -67,6 +67,12 @@ export const OBJECT_INFO = {
   face: (number: number) => `Face ${number}`,
 } as const;
 
+export const SIZE_FORM = {
+  length: "Longest side",
+  unit: "Unit of length",
+  use: "Use this size",
+} as const;
+
 export const COMPARISON = {
   planner: "planner",
   loading: (policy: string) => `${policy}: loading`,
@@ -185,9 +191,7 @@ export const LINK = {
 export const FILES = {
   cannotOpen: (archive: string, why: string) => `${archive} cannot be opened: ${why}`,
   noMesh: (archive: string) => `${archive} contains no ${MESH_FORMATS} file`,
-  noEndRecord: "it has no end record and may be truncated",
-  corruptDirectory: "its central directory is corrupt",
-  truncated: "data is missing; it may be truncated",
+  encrypted: "it is encrypted",
   unknownCompression: (file: string) => `${file} uses an unsupported compression method`,
   entryTooLarge: (file: string) => `${file} is larger than 250 MB`,
   totalTooLarge: "its files exceed 500 MB in total",

@@ -2,16 +2,26 @@
 
 import { MESH_EXTENSIONS } from "../../common/constants";
 import { FILES } from "../app/strings";
+import { embedBuffers } from "./gltf_buffers";
+import type { ArchiveFile } from "./zip";
 import { MAX_FILES, unzip } from "./zip";
 
 // Extensions that the worker reads: meshes, archives of meshes, recordings.
-const READABLE = new RegExp(`\\.(${[...MESH_EXTENSIONS, "json", "zip"].join("|")})$`, "i");
+const READABLE = new RegExp(`\\.(${[...MESH_EXTENSIONS, "json", "zip", "gz"].join("|")})$`, "i");
 const ARCHIVE = /\.zip$/i;
+const GLTF = /\.gltf$/i;
+// Buffers of glTF files.
+const BUFFER = /\.(bin|buffer|buf|data|dat)$/i;
+// Hidden files, such as the `._NAME` that macOS writes for each file.
+const HIDDEN = /^\./;
 
 // Whether a file is a recorded attempt or a demonstration, which refers to its own object.
 export function isRecording(fileName: string): boolean {
   return /\.json$/i.test(fileName);
 }
+
+// Path of each dropped file in its folder.
+const dropPaths = new WeakMap<File, string>();
 
 // All files of a drop, including those in folders.
 export async function droppedFiles(transfer: DataTransfer | null): Promise<File[]> {
@@ -23,10 +33,11 @@ export async function droppedFiles(transfer: DataTransfer | null): Promise<File[
 
 async function collect(entry: FileSystemEntry, files: File[]): Promise<void> {
   // One extra file shows that the limit is exceeded; another one may be an unreadable first file.
-  if (files.length > MAX_FILES + 1) return;
+  if (files.filter(({ name }) => READABLE.test(name)).length > MAX_FILES + 1) return;
   if (entry.isFile) {
-    if (!READABLE.test(entry.name) && files.length > 0) return;
+    if (!isNeeded(entry.name) && files.length > 0) return;
     const file = await new Promise<File>((resolve, reject) => (entry as FileSystemFileEntry).file(resolve, reject));
+    dropPaths.set(file, entry.fullPath.replace(/^\//, ""));
     files.push(file);
     return;
   }
@@ -39,13 +50,37 @@ async function collect(entry: FileSystemEntry, files: File[]): Promise<void> {
   }
 }
 
-// The readable files, with archives unpacked. Without any, the first file is returned, so that the worker
-// reports why it cannot be read.
+function isNeeded(name: string): boolean {
+  return !HIDDEN.test(name) && (READABLE.test(name) || BUFFER.test(name));
+}
+
+// The readable files, with archives unpacked and glTF buffers embedded. Without any, the first file is returned, so
+// that the worker reports why it cannot be read.
 export async function readableFiles(files: Iterable<File>): Promise<File[]> {
   const all = [...files];
-  const readable = all.filter(({ name }) => READABLE.test(name));
-  const unpacked = await Promise.all(readable.map(async (file) => (ARCHIVE.test(file.name) ? unpack(file) : [file])));
-  return readable.length > 0 ? withUniqueNames(unpacked.flat()) : all.slice(0, 1);
+  const needed = all.filter(({ name }) => isNeeded(name));
+  const unpacked = await Promise.all(needed.map(async (file) => (ARCHIVE.test(file.name) ? unpack(file) : [{ path: pathOf(file), file }])));
+  const found = unpacked.flat();
+  const readable = found.filter(({ file }) => READABLE.test(file.name));
+  if (readable.length === 0) return all.slice(0, 1);
+  return withUniqueNames(await Promise.all(readable.map((own) => (GLTF.test(own.file.name) ? embedBuffers(own.file, finder(own, found)) : own.file))));
+}
+
+function pathOf(file: File): string {
+  return dropPaths.get(file) ?? (file.webkitRelativePath || file.name);
+}
+
+// Finds a file by its path relative to another one. Files that are selected one by one have no folder; then the name
+// suffices. Names have no case, as in Windows.
+function finder({ path }: ArchiveFile, found: ArchiveFile[]): (relative: string) => File | undefined {
+  const folder = path.slice(0, path.lastIndexOf("/") + 1);
+  return (relative) => {
+    const wanted = `${folder}${relative}`.toLowerCase();
+    const exact = found.find((other) => other.path.toLowerCase() === wanted);
+    const name = wanted.split("/").pop();
+    const named = found.filter(({ file }) => file.name.toLowerCase() === name);
+    return (exact ?? (named.length === 1 ? named[0] : undefined))?.file;
+  };
 }
 
 // Files from several folders can share a name: later ones get a number.
@@ -59,12 +94,11 @@ function withUniqueNames(files: File[]): File[] {
   });
 }
 
-async function unpack(archive: File): Promise<File[]> {
-  const files = await unzip(archive, (name) => READABLE.test(name) && !ARCHIVE.test(name)).catch((error: unknown) => {
-    // An offset in the archive points beyond its end.
-    const why = error instanceof RangeError ? FILES.truncated : error instanceof Error ? error.message : String(error);
+async function unpack(archive: File): Promise<ArchiveFile[]> {
+  const files = await unzip(archive, (name) => isNeeded(name) && !ARCHIVE.test(name)).catch((error: unknown) => {
+    const why = error instanceof Error ? error.message : String(error);
     throw new Error(FILES.cannotOpen(archive.name, why));
   });
-  if (files.length === 0) throw new Error(FILES.noMesh(archive.name));
+  if (!files.some(({ file }) => READABLE.test(file.name))) throw new Error(FILES.noMesh(archive.name));
   return files;
 }

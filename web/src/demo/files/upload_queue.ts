@@ -2,11 +2,10 @@
 // Import options are stored per file and reused when the file is selected again.
 
 import { FILES } from "../app/strings";
+import { DEFAULT_OPTIONS } from "../worker/messages";
 import type { FailureEvent, ImportOptions } from "../worker/messages";
 import type { WorkerRequest } from "../worker/protocol";
 import { isRecording } from "./dropped_files";
-
-const DEFAULT_OPTIONS: ImportOptions = { unit: null, massKg: null, orientation: null };
 
 type Upload = Extract<WorkerRequest, { kind: "upload" }>;
 
@@ -52,9 +51,9 @@ export class UploadQueue {
     return this.#reading !== null;
   }
 
-  // Restores options of an earlier visit.
-  restoreOptions(file: File, options: ImportOptions): void {
-    this.#options.set(file, options);
+  // Restores options of an earlier visit, whose page may have had fewer options.
+  restoreOptions(file: File, options: Partial<ImportOptions>): void {
+    this.#options.set(file, { ...DEFAULT_OPTIONS, ...options });
   }
 
   // The worker has loaded a file with these options.

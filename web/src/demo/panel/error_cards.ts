@@ -19,9 +19,12 @@ export class ErrorCards {
     [this.#restart, this.#retryDownload] = [restart, retryDownload];
   }
 
-  show(failure: FailureEvent): void {
+  // `form` resolves the failure; it is shown below the hint.
+  show(failure: FailureEvent, form?: HTMLFormElement): void {
     this.dismiss(failure.code);
-    this.#list.append(this.#card(failure));
+    const card = this.#card(failure);
+    if (form) card.querySelector("p")?.after(form);
+    this.#list.append(card);
     // Fatal cards stay, since they hold the restart button.
     const others = [...this.#list.children].filter((card) => !card.classList.contains("is-fatal"));
     for (const card of others.slice(0, Math.max(0, others.length - MAX_CARDS))) card.remove();

@@ -1,10 +1,11 @@
-// Object information, and the import options of a mesh file: unit, mass, orientation.
+// Object information, and the import options of a mesh file: size, up axis, mass, orientation.
 
 import { choice, element, h } from "../../common/dom";
 import type { EventBus } from "../app/event_bus";
 import { OBJECT_INFO } from "../app/strings";
 import type { ImportOptions } from "../worker/messages";
 import type { ObjectInfo, Orientation, Unit } from "../worker/protocol";
+import { MeshShapeFields } from "./mesh_shape_fields";
 
 export class ObjectInfoPanel {
   readonly #box = element("object-info", HTMLElement);
@@ -18,12 +19,14 @@ export class ObjectInfoPanel {
   readonly #notes = element("info-notes", HTMLElement);
   readonly #grams = element("mass", HTMLInputElement);
   readonly #orientation = element("orientation", HTMLSelectElement);
+  readonly #shape: MeshShapeFields;
   #massKg = 0;
   readonly #pressUnit: (unit: string | null) => void;
 
   constructor(bus: EventBus, onChange: (change: Partial<ImportOptions>) => void) {
     // A new unit changes the volume, so the mass is estimated again.
-    this.#pressUnit = choice("unit-choice", (value) => onChange({ unit: value as Unit, massKg: null }));
+    this.#pressUnit = choice("unit-choice", (value) => onChange({ unit: value as Unit, sizeM: null, massKg: null }));
+    this.#shape = new MeshShapeFields(onChange);
     this.#grams.addEventListener("change", () => {
       const grams = this.#grams.valueAsNumber;
       onChange({ massKg: grams > 0 ? grams / 1000 : null });
@@ -38,6 +41,11 @@ export class ObjectInfoPanel {
     bus.on("cloud", ({ familiarity }) => this.#showFamiliarity(familiarity));
     // The familiarity is that of the previous encoder.
     bus.on("modelChanged", () => this.#showFamiliarity(null));
+  }
+
+  // Import options of the current mesh file.
+  showOptions(options: ImportOptions): void {
+    this.#shape.showOptions(options);
   }
 
   // Known only after the first attempt with an encoder; null hides it.
@@ -55,6 +63,7 @@ export class ObjectInfoPanel {
     this.#hand.textContent = info.graspability;
     this.#file.hidden = info.unit === null;
     this.#pressUnit(info.unit);
+    this.#shape.show(info);
     this.#unitReason.textContent = info.unitReason ?? "";
     this.#massKg = info.massKg;
     if (document.activeElement !== this.#grams) this.#writeMass();

@@ -101,8 +101,8 @@ export class SharePanel {
     const link: ShareLink = {
       object: object.name ?? object.label,
       objectHash: object.hash,
-      // Unit and orientation are stated, since another version might choose them differently.
-      options: options && { ...options, unit: object.info.unit, orientation: object.info.orientation },
+      // Unit and orientation are stated, since another version might choose them differently. A size replaces the unit.
+      options: options && { ...options, unit: options.sizeM === null ? object.info.unit : null, orientation: object.info.orientation },
       mesh: this.#mesh,
       pose: outcome.pose,
       placedByHand: outcome.placedByHand,

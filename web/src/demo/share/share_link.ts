@@ -3,7 +3,7 @@
 
 import { LINK } from "../app/strings";
 import type { ImportOptions } from "../worker/messages";
-import type { Orientation, PlanarPose, Unit } from "../worker/protocol";
+import type { Orientation, PlanarPose, Unit, UpAxis } from "../worker/protocol";
 
 export interface ShareLink {
   // Name of a built-in object, or of the mesh file.
@@ -37,6 +37,9 @@ export function buildLink(link: ShareLink, page = location.href): string {
     o: object,
     oh: objectHash,
     ...(options?.unit && { u: options.unit }),
+    ...(options?.sizeM && { sz: String(options.sizeM) }),
+    ...(options?.scale && { sf: String(options.scale) }),
+    ...(options?.up && { up: options.up }),
     ...(options?.massKg && { kg: String(options.massKg) }),
     ...(orientation && { st: orientation === "asInFile" ? "file" : String(orientation.stablePose) }),
     p: [pose.x, pose.y, pose.yaw].join(","),
@@ -99,6 +102,9 @@ export function parseLink(hash = location.hash): ShareLink | null {
     objectHash: text("oh"),
     options: {
       unit: fields.has("u") ? parseUnit(text("u")) : null,
+      sizeM: fields.has("sz") ? positive("sz", numbers("sz", 1)[0]) : null,
+      scale: fields.has("sf") ? positive("sf", numbers("sf", 1)[0]) : null,
+      up: fields.has("up") ? parseUpAxis(text("up")) : null,
       massKg: fields.has("kg") ? positive("kg", numbers("kg", 1)[0]) : null,
       orientation: fields.has("st") ? parseOrientation(text("st")) : null,
     },
@@ -120,6 +126,13 @@ const UNITS: readonly string[] = ["m", "cm", "mm", "in"] satisfies Unit[];
 function parseUnit(text: string): Unit {
   if (!UNITS.includes(text)) throw new Error(LINK.fieldInvalid("u", text));
   return text as Unit;
+}
+
+const UP_AXES: readonly string[] = ["x", "y", "z"] satisfies UpAxis[];
+
+function parseUpAxis(text: string): UpAxis {
+  if (!UP_AXES.includes(text)) throw new Error(LINK.fieldInvalid("up", text));
+  return text as UpAxis;
 }
 
 function positive(name: string, value: number): number {

@@ -37,9 +37,9 @@ export class SharedAttempt {
     // The worker starts with the first object.
     if (index > 0) this.#events.send({ kind: "loadObject", object });
     if (index >= 0 || mesh) return;
-    // Only links to mesh files have a unit. Other objects are in the catalogue, though not in the page's
+    // Only links to mesh files have a unit or a size. Other objects are in the catalogue, though not in the page's
     // list.
-    if (options?.unit) this.#report("link_needs_file", LINK.needsFile(object));
+    if (options?.unit || options?.sizeM) this.#report("link_needs_file", LINK.needsFile(object));
     else this.#events.send({ kind: "loadObject", object });
   }
 

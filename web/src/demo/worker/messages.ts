@@ -10,5 +10,8 @@ export type FailureEvent = EventOf<"failure">;
 // The user's options for a mesh file; null selects the default.
 export type ImportOptions = Pick<
   Extract<WorkerRequest, { kind: "upload" }>,
-  "unit" | "massKg" | "orientation"
+  "unit" | "sizeM" | "scale" | "up" | "massKg" | "orientation"
 >;
+
+// All options by default.
+export const DEFAULT_OPTIONS: ImportOptions = { unit: null, sizeM: null, scale: null, up: null, massKg: null, orientation: null };

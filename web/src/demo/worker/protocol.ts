@@ -9,6 +9,11 @@
 export type Unit = "m" | "cm" | "mm" | "in";
 
 /**
+ * Axis of a mesh file that points up.
+ */
+export type UpAxis = "x" | "y" | "z";
+
+/**
  * Reason of an orientation.
  */
 export type OrientationReason = "given" | "yUpFile" | "settled" | "unstable" | "chosenByModel";
@@ -257,7 +262,19 @@ export type WorkerEvent = { "kind": "ready" } & Ready | { "kind": "object" } & O
 /**
  * Request of the page.
  */
-export type WorkerRequest = { "kind": "loadObject", object: string, } | { "kind": "upload", fileName: string, bytes: ArrayBuffer, unit: Unit | null, massKg: number | null, orientation: Orientation | null, } | { "kind": "loadModel", id: string, base: string, onlyIfIdle: boolean, } | { "kind": "place", pose: PlanarPose, } | { "kind": "placeBySeed", seed: number, } | { "kind": "grasp", seed: number, } | { "kind": "pause" } | { "kind": "resume" } | { "kind": "step" } | { "kind": "reset" } | { "kind": "speed", factor: number, } | { "kind": "seek", tick: number, } | { "kind": "streamTelemetry", on: boolean, } | { "kind": "batch", seed: number, attempts: number,
+export type WorkerRequest = { "kind": "loadObject", object: string, } | { "kind": "upload", fileName: string, bytes: ArrayBuffer, unit: Unit | null, 
+/**
+ * Length (m) of the longest side, instead of unit and scale.
+ */
+sizeM: number | null, 
+/**
+ * Factor on the coordinates, in addition to the unit.
+ */
+scale: number | null, 
+/**
+ * Axis of the file that points up.
+ */
+up: UpAxis | null, massKg: number | null, orientation: Orientation | null, } | { "kind": "loadModel", id: string, base: string, onlyIfIdle: boolean, } | { "kind": "place", pose: PlanarPose, } | { "kind": "placeBySeed", seed: number, } | { "kind": "grasp", seed: number, } | { "kind": "pause" } | { "kind": "resume" } | { "kind": "step" } | { "kind": "reset" } | { "kind": "speed", factor: number, } | { "kind": "seek", tick: number, } | { "kind": "streamTelemetry", on: boolean, } | { "kind": "batch", seed: number, attempts: number,
 /**
  * Batch id, part of the resulting events.
  */
