@@ -18,6 +18,10 @@ export const TIMEOUT_MS = 120_000;
 export const WIDE = { width: 1440, height: 900 };
 export const PHONE = { width: 390, height: 844 };
 
+// Device pixels per CSS pixel. Software rendering takes most of the time of the tests, and layout does not depend on it.
+// PIXEL_RATIO=1 gives screenshots of full size.
+const PIXEL_RATIO = Number(process.env.PIXEL_RATIO ?? 0.5);
+
 // Starts a server. Port 0 selects a free one; `data` enables jobs; `tokenFile` requires its token for write requests.
 export async function serve({ port = 0, data = null, tokenFile = null } = {}) {
   const args = ["serve", "--port", String(port), "--web-dir", `${root}web/dist`, "--models-dir", `${root}models`];
@@ -66,9 +70,10 @@ export async function open({ data = null, args = [] } = {}) {
 }
 
 // Creates an empty page and collects its errors, failed requests, and requests to other hosts.
-export async function newPage({ address, browser }, { viewport = WIDE, colorScheme = "light", reducesMotion = true } = {}) {
+export async function newPage({ address, browser }, { viewport = WIDE, colorScheme = "light", reducesMotion = true, pixelRatio = PIXEL_RATIO } = {}) {
   const page = await browser.newPage({
     viewport,
+    deviceScaleFactor: pixelRatio,
     colorScheme,
     reducedMotion: reducesMotion ? "reduce" : "no-preference",
   });

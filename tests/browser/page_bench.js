@@ -76,7 +76,7 @@ async function visits(served) {
 
 // Frame rate, real-time factor at speed 1x, and interaction latency while an attempt runs.
 async function responsiveness(served) {
-  const { page } = await newPage(served);
+  const { page } = await newPage(served, { pixelRatio: 1 });
   await page.addInitScript(recordTimes);
   await load(page, served.address);
   await page.click("#grasp");
@@ -103,7 +103,7 @@ async function responsiveness(served) {
 
 // Time from the upload of a mesh to the outcome of an attempt, at maximum speed.
 async function upload(served) {
-  const { page } = await visit(served);
+  const { page } = await visit(served, { pixelRatio: 1 });
   await untilReady(page);
   await page.selectOption("#speed", "4");
   const file = { name: "bottle.obj", mimeType: "text/plain", buffer: Buffer.from(bottle(TRIANGLES)) };

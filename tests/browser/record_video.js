@@ -106,7 +106,7 @@ async function showTick(page, tick) {
 
 const served = await open();
 try {
-  const { page } = await visit(served, { viewport: VIEWPORT });
+  const { page } = await visit(served, { viewport: VIEWPORT, pixelRatio: 1 });
   await untilReady(page);
   const { page: encoder } = await newPage(served);
   const height = Math.round((WIDTH * VIEWPORT.height) / VIEWPORT.width);

@@ -317,8 +317,9 @@ export class View {
     if (isMoving || isGhostMoving || isCameraMoving || this.#isRecorded) this.#requestFrame();
     clearTimeout(this.#idleTimer);
     if (this.#isRecorded) return;
-    // Without antialiasing, two pixels per CSS pixel smooth the edges.
-    const final = this.#isSoftware ? Math.max(1, 2 / Math.min(devicePixelRatio, 2)) : 1;
+    // Without antialiasing, two pixels per CSS pixel smooth the edges. A page that is zoomed out is displayed with
+    // fewer.
+    const final = this.#isSoftware && devicePixelRatio >= 1 ? 2 / Math.min(devicePixelRatio, 2) : 1;
     if (fraction < final) this.#idleTimer = window.setTimeout(() => this.#render(performance.now(), final), IDLE_DELAY_MS);
   }
 }
