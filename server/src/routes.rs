@@ -7,11 +7,13 @@ mod events;
 mod http_content;
 mod job_files;
 mod job_request;
+mod job_request_schema;
 mod jobs;
 mod meshes;
 mod metric_table;
 mod metrics;
 mod models;
+mod openapi;
 mod pagination;
 mod prometheus_text;
 mod schemas;
@@ -71,7 +73,7 @@ pub(crate) fn router() -> (Router<AppState>, OpenApi) {
         .routes(routes!(system::ready))
         .routes(routes!(system::version))
         .routes(routes!(system::metrics))
-        .routes(routes!(system::openapi))
+        .routes(routes!(openapi::openapi))
         .split_for_parts();
     api.merge(system_api);
     let router = Router::new()
@@ -80,7 +82,7 @@ pub(crate) fn router() -> (Router<AppState>, OpenApi) {
         .merge(v1)
         .fallback(static_files::file)
         .method_not_allowed_fallback(method_not_allowed);
-    (router, system::with_common_responses(api))
+    (router, openapi::complete(api))
 }
 
 /// Extractor of the job scheduler; rejects the request if jobs are disabled.

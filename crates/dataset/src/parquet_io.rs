@@ -4,7 +4,7 @@ use anyhow::{Context, Result};
 use arrow_array::cast::AsArray;
 use arrow_array::types::Float32Type;
 use arrow_array::{
-    ArrayRef, BooleanArray, FixedSizeListArray, Float32Array, Int64Array, ListArray, RecordBatch,
+    Array, ArrayRef, BooleanArray, FixedSizeListArray, Float32Array, Int64Array, ListArray, RecordBatch,
     StringArray,
 };
 use arrow_schema::{DataType, Field, Schema};
@@ -15,6 +15,7 @@ use parquet::basic::{Compression, Encoding};
 use parquet::file::metadata::KeyValue;
 use parquet::file::properties::{EnabledStatistics, WriterProperties};
 use parquet::schema::types::ColumnPath;
+use std::collections::HashMap;
 use std::fs::File;
 use std::path::Path;
 use std::sync::Arc;
@@ -125,8 +126,8 @@ pub fn write(
                 // pyarrow ignores the file's own key-value pairs if the file has an Arrow schema, so the pair
                 // is part of that schema, too.
                 let pair = metadata.clone().map(|(key, value)| (key.to_owned(), value));
-                let schema =
-                    batch.schema().as_ref().clone().with_metadata(pair.into_iter().collect());
+                let pairs: HashMap<String, String> = pair.into_iter().collect();
+                let schema = batch.schema().as_ref().clone().with_metadata(pairs);
                 let file = File::create(file)?;
                 writer = Some(ArrowWriter::try_new(file, Arc::new(schema), Some(properties))?);
             }

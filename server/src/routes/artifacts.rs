@@ -11,7 +11,7 @@ use axum::response::Response;
 /// Downloads an artifact.
 #[utoipa::path(
     get, path = "/artifacts/{hash}", tag = "artifacts", params(("hash" = String, Path, description = "BLAKE3 (hex)")),
-    responses((status = 200, description = "The file", content_type = "*/*", body = schemas::Bytes), (status = 206, description = "The requested range", content_type = "*/*", body = schemas::Bytes), (status = 304, description = "Not modified")),
+    responses((status = 200, description = "The file", content((schemas::Bytes = "application/octet-stream"), (schemas::Bytes = "*/*"))), (status = 206, description = "The requested range", content((schemas::Bytes = "application/octet-stream"), (schemas::Bytes = "*/*"))), (status = 304, description = "Not modified")),
 )]
 pub(crate) async fn get(
     RequireScheduler(scheduler): RequireScheduler,

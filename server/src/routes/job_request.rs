@@ -2,7 +2,7 @@
 
 use super::unique_json::UniqueJson;
 use crate::Problem;
-use crate::jobs::kinds::{JobTask, Kind};
+use crate::jobs::kinds::Kind;
 use serde::Deserialize;
 use serde_json::{Map, Value};
 use std::collections::BTreeMap;
@@ -21,22 +21,6 @@ pub(super) struct CreateJobRequest {
     pub(super) metadata: Map<String, Value>,
     #[serde(default)]
     pub(super) priority: i64,
-}
-
-/// OpenAPI schema of a creation request.
-#[derive(ToSchema)]
-#[expect(dead_code, reason = "OpenAPI schema")]
-pub(super) struct JobRequest {
-    #[serde(flatten)]
-    task: JobTask,
-    /// Display name.
-    #[schema(max_length = 200)]
-    name: Option<String>,
-    /// Up to 16 text entries.
-    #[schema(value_type = Option<std::collections::HashMap<String, String>>)]
-    metadata: Option<Map<String, Value>>,
-    /// Jobs with a higher priority start first.
-    priority: Option<i64>,
 }
 
 /// Action on a job.

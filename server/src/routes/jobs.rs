@@ -3,9 +3,10 @@
 use super::RequireScheduler;
 use super::http_content::{NO_STORE, check_if_match, matches_if_none_match};
 use super::job_request::{
-    CreateJobRequest, JobAction, JobPatch, JobRequest, MAX_METADATA, check_metadata, check_name,
-    parse_json, query_bool,
+    CreateJobRequest, JobAction, JobPatch, MAX_METADATA, check_metadata, check_name, parse_json,
+    query_bool,
 };
+use super::job_request_schema::JobRequest;
 use super::pagination::{CursorPage, DEFAULT_LIMIT, parse_limit};
 use crate::extract::{FullBody, Path, Query};
 use crate::jobs::scheduler::JobScheduler;

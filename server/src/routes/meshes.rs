@@ -268,8 +268,8 @@ pub(crate) async fn get(
 #[utoipa::path(
     get, path = "/meshes/{id}/file", tag = "meshes", params(("id" = String, Path)),
     responses(
-        (status = 200, description = "The file", content_type = "*/*", body = schemas::Bytes),
-        (status = 206, description = "The requested range", content_type = "*/*", body = schemas::Bytes),
+        (status = 200, description = "The file", content((schemas::Bytes = "application/octet-stream"), (schemas::Bytes = "*/*"))),
+        (status = 206, description = "The requested range", content((schemas::Bytes = "application/octet-stream"), (schemas::Bytes = "*/*"))),
         (status = 304, description = "Not modified"),
     ),
 )]

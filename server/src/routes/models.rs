@@ -53,7 +53,7 @@ pub(crate) async fn list(
 const MAX_JOB_MODELS: i64 = 1000;
 
 /// Record of a trained model; `None` if the id is not one of a trained model.
-async fn job_model(state: &AppState, id: &str) -> Result<Option<Value>, Problem> {
+pub(super) async fn job_model(state: &AppState, id: &str) -> Result<Option<Value>, Problem> {
     let Some(scheduler) = state.scheduler.as_ref().filter(|_| id.starts_with(JOB_MODEL_PREFIX))
     else {
         return Ok(None);
@@ -62,7 +62,7 @@ async fn job_model(state: &AppState, id: &str) -> Result<Option<Value>, Problem>
 }
 
 /// Adds URLs to the files of a trained model, and names the files as those of built-in models.
-fn with_file_urls(mut record: Value) -> Value {
+pub(super) fn with_file_urls(mut record: Value) -> Value {
     let id = record["id"].as_str().unwrap_or_default().to_owned();
     let Some(files) = record["files"].as_object_mut() else { return record };
     let named = std::mem::take(files).into_iter().map(|(file_name, mut file)| {
@@ -143,7 +143,7 @@ pub(crate) async fn delete(
     params(("id" = String, Path), ("file" = String, Path, description = "weights, start_configurations or config"), ("blake3" = Option<String>, Query, description = "Required BLAKE3 (hex) of the file")),
     responses(
         (status = 200, description = "The file", content((schemas::Bytes = "application/octet-stream"), (Value = "application/json"))),
-        (status = 206, description = "The requested range", content_type = "*/*", body = schemas::Bytes),
+        (status = 206, description = "The requested range", content((schemas::Bytes = "application/octet-stream"), (schemas::Bytes = "*/*"))),
         (status = 304, description = "Not modified"),
     ),
 )]

@@ -76,6 +76,7 @@ pub(super) struct EpisodeSchema {
     /// Index of the object pose among the poses of this object.
     pose_index: u64,
     /// Object pose: x, y (m), yaw (rad).
+    #[schema(min_items = 3, max_items = 3)]
     pose: [f32; 3],
     /// Index among the demonstrations at this pose.
     index_at_pose: u64,
@@ -94,6 +95,7 @@ pub(super) struct DemonstrationSchema {
     /// Name of the object.
     object_name: String,
     /// Object pose: x, y (m), yaw (rad).
+    #[schema(min_items = 3, max_items = 3)]
     object_pose: [f32; 3],
     /// Rows at 30 Hz: 23 joint positions (rad), then 23 joint velocities (rad/s).
     states: Vec<Vec<f32>>,
@@ -124,6 +126,7 @@ pub(super) struct Mesh {
 #[expect(dead_code, reason = "OpenAPI schema")]
 struct MeshSummary {
     /// Size of the bounding box (m).
+    #[schema(min_items = 3, max_items = 3)]
     extent_m: [f32; 3],
     /// Length unit of the file.
     unit: String,
@@ -237,6 +240,7 @@ struct EvaluationReport {
     attempts: u64,
     lifted: u64,
     /// 95 % Wilson interval of the success rate.
+    #[schema(min_items = 2, max_items = 2)]
     wilson95: [f64; 2],
     /// Number of failures by reason.
     failures: BTreeMap<String, u64>,
@@ -244,8 +248,8 @@ struct EvaluationReport {
     seed: u64,
     scene_hash: String,
     object_hash: String,
-    /// Hash of the model's files.
-    model_hash: String,
+    /// Hash of the model's files; null for the planner, which has none.
+    model_hash: Option<String>,
     /// Orientation on the table; meshes only.
     orientation: Option<Orientation>,
 }

@@ -1,101 +1,16 @@
-//! Health, version, metrics, OpenAPI description and API index.
+//! Health, version, metrics and API index.
 
 use super::meshes::MAX_MESH_BYTES;
 use super::prometheus_text::{OPEN_METRICS, PROMETHEUS, accepts_open_metrics, from_open_metrics};
 use super::schemas;
 use crate::extract::MAX_BODY;
-use crate::{AppState, Problem, ProblemCode};
+use crate::{AppState, Problem};
 use axum::Json;
 use axum::extract::State;
 use axum::http::{HeaderMap, header};
 use axum::response::{IntoResponse, Response};
 use mesh::MAX_TRIANGLES;
 use serde_json::{Value, json};
-use utoipa::openapi::security::{HttpAuthScheme, HttpBuilder, SecurityScheme};
-use utoipa::openapi::{
-    Components, ContentBuilder, InfoBuilder, LicenseBuilder, OpenApi, Ref, RefOr,
-    Response as Answer, ResponseBuilder, SecurityRequirement,
-};
-use utoipa::{PartialSchema, ToSchema};
-
-/// Error response (RFC 9457).
-#[derive(ToSchema)]
-#[expect(dead_code, reason = "OpenAPI schema")]
-struct ProblemDetails {
-    /// Problem type: always `about:blank`.
-    r#type: String,
-    /// Phrase of the HTTP status.
-    title: String,
-    status: u16,
-    /// Cause of the error.
-    detail: String,
-    /// Stable code of the error.
-    code: ProblemCode,
-    /// Suggested remedy.
-    hint: String,
-    /// Invalid parameters.
-    errors: Option<Vec<ParameterError>>,
-    /// Id of this request in the server log.
-    request_id: Option<String>,
-}
-
-/// Error of one parameter.
-#[derive(ToSchema)]
-#[expect(dead_code, reason = "OpenAPI schema")]
-struct ParameterError {
-    param: String,
-    detail: String,
-}
-
-/// Adds the parts of the description that all endpoints share: error responses and the token scheme.
-pub(super) fn with_common_responses(mut api: OpenApi) -> OpenApi {
-    api.info = InfoBuilder::new()
-        .title("ngf-grasp")
-        .version(env!("CARGO_PKG_VERSION"))
-        .description(Some(
-            "Dataset generation, training and evaluation of grasping policies as jobs.",
-        ))
-        .license(Some(LicenseBuilder::new().name("MIT OR Apache-2.0").build()))
-        .build();
-    let components = api.components.get_or_insert_with(Components::new);
-    components.schemas.insert("Problem".into(), ProblemDetails::schema());
-    components.schemas.insert("ProblemCode".into(), ProblemCode::schema());
-    components.schemas.insert("ParameterError".into(), ParameterError::schema());
-    let bearer = HttpBuilder::new().scheme(HttpAuthScheme::Bearer).build();
-    components.add_security_scheme("token", SecurityScheme::Http(bearer));
-    for item in api.paths.paths.values_mut() {
-        let writes = [&mut item.post, &mut item.patch, &mut item.delete, &mut item.put];
-        for operation in writes.into_iter().flatten() {
-            // The token is optional, because not every server requires one.
-            let none = SecurityRequirement::default();
-            let token = SecurityRequirement::new::<_, [&str; 0], _>("token", []);
-            operation.security = Some(vec![none, token]);
-        }
-        let all = [&mut item.get, &mut item.post, &mut item.patch, &mut item.delete, &mut item.put];
-        for operation in all.into_iter().flatten() {
-            operation.responses.responses.insert("default".into(), RefOr::T(problem()));
-        }
-    }
-    api
-}
-
-/// Common error response.
-fn problem() -> Answer {
-    let content = ContentBuilder::new().schema(Some(Ref::from_schema_name("Problem"))).build();
-    ResponseBuilder::new()
-        .description("Error: cause and suggested remedy")
-        .content("application/problem+json", content)
-        .build()
-}
-
-/// OpenAPI description.
-#[utoipa::path(
-    get, path = "/openapi.json", tag = "system",
-    responses((status = 200, description = "This description", body = Object)),
-)]
-pub(super) async fn openapi() -> Json<OpenApi> {
-    Json(crate::openapi())
-}
 
 /// Prometheus metrics.
 #[utoipa::path(

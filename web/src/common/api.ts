@@ -1,21 +1,16 @@
 // Client of the server's API: JSON requests, RFC 9457 problems as errors, bearer token on demand.
 
+import type { components } from "./api_types";
 import { h } from "./dom";
 import { httpStatus, NO_SERVER, TOKEN } from "./strings";
 
 // The site can be served from any folder: each page states the relative path to its root in `data-root`.
 export const API = new URL(`${document.documentElement.dataset["root"] ?? "."}/api/v1/`, location.href);
 
-// Error body (RFC 9457).
-export interface Problem {
-  status: number;
-  title: string;
-  detail: string;
-  code: string;
-  hint: string;
-  errors?: { param: string; detail: string }[];
-  request_id?: string;
-}
+// Error body (RFC 9457). The page itself adds two codes: no server responds, and the user gave no token.
+export type Problem = Omit<components["schemas"]["Problem"], "code" | "type"> & {
+  code: components["schemas"]["ProblemCode"] | "no_server" | "no_token";
+};
 
 export class ApiError extends Error {
   readonly problem: Problem;

@@ -1,7 +1,11 @@
 // Subset of OpenAPI 3.1 that the job form and the API page use.
 
 import { ApiError, noServer } from "./api";
+import type { components } from "./api_types";
 import { NO_SERVER } from "./strings";
+
+// Types of requests and responses, by the name of their schema.
+export type Schemas = components["schemas"];
 
 export interface Schema {
   $ref?: string;

@@ -39,9 +39,11 @@ function parameterTable(parameters: Parameter[]): HTMLElement {
 
 function bodyTable(api: OpenApi, schema: Schema): HTMLElement {
   const resolved = resolve(api, schema);
-  const { properties, required } = objectProperties(api, schema);
-  const variants = (resolved.allOf ?? []).flatMap((part) => resolve(api, part).oneOf ?? []);
-  const rows: (Node | string)[][] = Object.entries(properties).map(([name, property]) => row(api, name, property, required));
+  const variants = (resolved.oneOf ?? []).map((variant) => resolve(api, variant));
+  // Variants differ in their kind and parameters; the other members are the same.
+  const { properties, required } = objectProperties(api, variants[0] ?? schema);
+  const shared = Object.entries(properties).filter(([name]) => variants.length === 0 || !["kind", "params"].includes(name));
+  const rows: (Node | string)[][] = shared.map(([name, property]) => row(api, name, property, required));
   for (const { properties: variant } of variants) {
     const kind = variant?.["kind"]?.enum?.[0] ?? "";
     rows.push([h("code", {}, "kind"), "", `"${kind}"`, ""]);

@@ -3,7 +3,7 @@
 
 import { ApiError, type List, requestJson } from "../common/api";
 import { EventStream } from "../common/event_stream";
-import { ENDED, type Job, type JobEvent } from "./types";
+import { ENDED, type Job, type JobEvent, type Progress } from "./types";
 
 const TYPES: JobEvent["type"][] = ["status", "progress", "metric", "log", "checkpoint", "artifact", "alert"];
 const PAGE_SIZE = 100;
@@ -154,7 +154,7 @@ export class JobFeed {
     for (const listener of this.#listeners) listener.event?.(event);
     const job = this.jobs.get(event.job);
     if (event.type === "progress" && job) {
-      const { phase, progress } = event.data as { phase: string; progress: Job["progress"] };
+      const { phase, progress } = event.data as { phase: string; progress: Progress | null };
       if (progress) {
         const left = Math.max(0, progress.total - progress.completed);
         progress.fraction = progress.total > 0 ? progress.completed / progress.total : 0;

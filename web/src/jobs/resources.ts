@@ -5,6 +5,7 @@ import { button, h } from "../common/dom";
 import { MESH_EXTENSIONS } from "../common/constants";
 import { caughtErrorCard, download, factList, link, section, table } from "../common/components";
 import { byteSize, count, dateTime, label } from "../common/numbers";
+import type { Schemas } from "../common/openapi";
 import { outOf } from "../common/strings";
 import { demoLink } from "./components";
 import { evaluationTable } from "./evaluations";
@@ -35,22 +36,13 @@ function tableView<T>(title: string, records: PaginatedTable<T>, ...above: HTMLE
   return { element: h("article", {}, h("h1", {}, title), ...above, records.element), retry: () => records.retry() };
 }
 
-interface DatasetRecord {
-  id: string;
-  bytes: number;
-  job: string;
-  created_at: string;
+// Configuration and summary are free-form objects in the description.
+type DatasetRecord = Omit<Schemas["Dataset"], "config" | "summary"> & {
   config: { objects: string[]; poses: number; trajectories: number; seed: number };
   summary: Record<string, { outcomes: Record<string, number>; poses: number; well_covered: number }>;
-}
+};
 
-interface EpisodeEntry {
-  index: number;
-  object: string;
-  pose_index: number;
-  // x (m), y (m), yaw (rad).
-  pose: [number, number, number];
-}
+type EpisodeEntry = Schemas["EpisodeSchema"];
 
 const numKept = ({ summary }: DatasetRecord) =>
   Object.values(summary).reduce((sum, { outcomes }) => sum + (outcomes["kept"] ?? 0), 0);
@@ -115,16 +107,7 @@ function episodes(id: string): HTMLElement {
   }).element;
 }
 
-interface ModelRecord {
-  id: string;
-  kind?: string;
-  job?: string;
-  step?: number | null;
-  created_at?: string;
-  files: Record<string, { url: string; bytes: number; blake3: string }>;
-  card?: { evaluation?: Evaluation[] } | null;
-  evaluations?: { job: string; reports: Evaluation[] }[];
-}
+type ModelRecord = Omit<Schemas["Model"], "card"> & { card?: { evaluation?: Evaluation[] } | null };
 
 export function models(): View {
   const row = (record: ModelRecord) => [
@@ -174,12 +157,7 @@ export function model(id: string): View {
   });
 }
 
-interface MeshRecord {
-  id: string;
-  name: string;
-  bytes: number;
-  summary: { extent_m: [number, number, number]; triangles: number; watertight: boolean; unit_reason: string };
-}
+type MeshRecord = Schemas["Mesh"];
 
 export function meshes(): View {
   const records: PaginatedTable<MeshRecord> = new PaginatedTable<MeshRecord>({

@@ -132,7 +132,8 @@ macro_rules! job_kinds {
             }
         }
 
-        /// OpenAPI schema of job kind and parameters; the kind determines the parameters.
+        /// OpenAPI schema of job kind and parameters, one variant per kind. The schema of a creation request is
+        /// built from it.
         #[derive(ToSchema)]
         #[serde(tag = "kind")]
         #[expect(dead_code, reason = "OpenAPI schema")]
@@ -146,6 +147,9 @@ macro_rules! job_kinds {
                 },
             )*
         }
+
+        /// Names of the creation requests in the OpenAPI description, in the order of [`Kind::ALL`].
+        pub(crate) const REQUEST_NAMES: &[&str] = &[$(concat!(stringify!($kind), "Request"),)*];
 
         /// OpenAPI schema of the parameters of any job kind. `anyOf` instead of `oneOf`, because parameters of
         /// one kind can also match the schema of another.
