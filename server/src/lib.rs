@@ -4,12 +4,14 @@
 //! serve` binds a listener, on which [`serve`] accepts connections. Runs no simulation and no training: each job is a separate
 //! worker process, `ngf-worker`, that reports to this server.
 
+mod archive;
 mod connections;
 mod extract;
 mod jobs;
 mod metrics;
 mod middleware;
 mod model;
+mod model_manifest;
 mod problem;
 mod quotas;
 mod routes;

@@ -1,6 +1,7 @@
 //! Routing table and OpenAPI description.
 
 mod artifacts;
+mod dataset_files;
 mod datasets;
 mod event_stream;
 mod events;
@@ -12,6 +13,7 @@ mod jobs;
 mod meshes;
 mod metric_table;
 mod metrics;
+mod model_archives;
 mod models;
 mod openapi;
 mod pagination;
@@ -49,8 +51,11 @@ pub(crate) fn router() -> (Router<AppState>, OpenApi) {
         .routes(routes!(jobs::action))
         .routes(routes!(events::stream_all))
         .routes(routes!(artifacts::get))
-        .routes(routes!(datasets::list))
+        .routes(routes!(datasets::list, dataset_files::import))
         .routes(routes!(datasets::get, datasets::delete))
+        .routes(routes!(dataset_files::files))
+        .routes(routes!(dataset_files::file))
+        .routes(routes!(dataset_files::archive))
         .routes(routes!(datasets::episodes))
         .routes(routes!(datasets::episode))
         .layer(DefaultBodyLimit::max(MAX_BODY));
@@ -61,8 +66,9 @@ pub(crate) fn router() -> (Router<AppState>, OpenApi) {
         .routes(routes!(meshes::file))
         .layer(DefaultBodyLimit::max(meshes::MAX_MESH_BYTES + meshes::FORM_OVERHEAD));
     let v1 = OpenApiRouter::new()
-        .routes(routes!(models::list))
+        .routes(routes!(models::list, model_archives::import))
         .routes(routes!(models::get, models::delete))
+        .routes(routes!(model_archives::archive))
         .routes(routes!(models::file))
         .merge(api_routes)
         .merge(meshes);

@@ -16,7 +16,7 @@ mod schema;
 #[cfg(test)]
 mod tests;
 
-pub(crate) use artifacts::Artifact;
+pub(crate) use artifacts::{Artifact, content_type};
 pub(crate) use error::{StoreError, is_full};
 pub(crate) use events::{Event, EventType, Level, NewEvent};
 pub(crate) use job_list::Filter;

@@ -6,6 +6,7 @@
 //! twice.
 
 mod control;
+mod datasets;
 mod deletion;
 mod display;
 mod estimate;
@@ -13,6 +14,7 @@ mod finish;
 mod health_alerts;
 mod inputs;
 mod launch;
+mod models;
 mod outputs;
 mod readiness;
 mod reports;

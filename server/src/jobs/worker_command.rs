@@ -38,10 +38,23 @@ impl JobScheduler {
         I: IntoIterator<Item = S>,
         S: AsRef<OsStr>,
     {
+        self.run_command_within(TIMEOUT, args).await
+    }
+
+    /// Runs a command that may take up to `limit`; see [`JobScheduler::run_command`].
+    pub(crate) async fn run_command_within<I, S>(
+        &self,
+        limit: Duration,
+        args: I,
+    ) -> Result<Vec<u8>, CommandError>
+    where
+        I: IntoIterator<Item = S>,
+        S: AsRef<OsStr>,
+    {
         let _permit = PERMITS.acquire().await;
         let mut command = Command::new(self.program());
         command.args(args).env_remove(WORKER_CONFIG_ENV).stdin(Stdio::null()).kill_on_drop(true);
-        let output = tokio::time::timeout(TIMEOUT, command.output()).await;
+        let output = tokio::time::timeout(limit, command.output()).await;
         let output = output.map_err(|_| io::Error::from(io::ErrorKind::TimedOut))??;
         if output.status.success() {
             return Ok(output.stdout);

@@ -55,6 +55,8 @@ pub enum ProblemCode {
     MalformedForm,
     /// The body is not a JSON object.
     MalformedJson,
+    /// The archive is not a valid tar archive, or its files do not match its manifest.
+    InvalidArchive,
     /// The mesh file is invalid.
     InvalidMesh,
     /// The file and the options do not tell how large the mesh is.
@@ -93,6 +95,8 @@ pub enum ProblemCode {
     RecordNotFound,
     /// The database or a file cannot be read or written.
     StorageFailed,
+    /// The maximum number of archives is being received.
+    TooManyUploads,
     /// The client exceeded the rate limit of write requests.
     TooManyRequests,
     /// The maximum number of event streams and waiting requests is reached.

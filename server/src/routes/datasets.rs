@@ -42,7 +42,7 @@ pub(crate) async fn get(
 }
 
 /// Record of a dataset.
-async fn find_dataset(scheduler: &JobScheduler, id: &str) -> Result<Value, Problem> {
+pub(super) async fn find_dataset(scheduler: &JobScheduler, id: &str) -> Result<Value, Problem> {
     let record = scheduler.store.record(RecordKind::Dataset, id).await?;
     record.ok_or_else(|| Problem::record_not_found("dataset", id))
 }
@@ -143,7 +143,7 @@ pub(crate) async fn episode(
 }
 
 /// Folder and provenance of a dataset; rejects an incomplete one, and one of another format version.
-async fn open_dataset(
+pub(super) async fn open_dataset(
     scheduler: &JobScheduler,
     id: &str,
 ) -> Result<(PathBuf, Provenance), Problem> {

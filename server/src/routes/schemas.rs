@@ -56,13 +56,25 @@ pub(super) struct Dataset {
     /// BLAKE3 (hex) of its provenance and its files.
     hash: String,
     bytes: u64,
-    /// Id of the job that generated it.
-    job: String,
+    /// Id of the job that generated it; null for an imported dataset.
+    job: Option<String>,
     created_at: DateTime<Utc>,
     /// Configuration: objects, poses, trajectories, seed and others.
     config: Map<String, Value>,
     /// By object: grasps, accepted demonstrations, and rejected ones by reason.
     summary: Map<String, Value>,
+}
+
+/// File of a dataset.
+#[derive(ToSchema)]
+#[expect(dead_code, reason = "OpenAPI schema")]
+pub(super) struct DatasetFile {
+    /// Path in the folder of the dataset, separated by slashes.
+    path: String,
+    bytes: u64,
+    /// BLAKE3 (hex).
+    blake3: String,
+    url: String,
 }
 
 /// List entry of a demonstration in a dataset.
@@ -194,7 +206,7 @@ pub(super) struct Model {
     card_error: Option<String>,
     /// `encoder` or `policy`; trained models only.
     kind: Option<String>,
-    /// Id of the job that trained it.
+    /// Id of the job that trained it; null for an imported model.
     job: Option<String>,
     /// Training step of a checkpoint; null for the final model.
     step: Option<u64>,

@@ -3,6 +3,7 @@
 use super::meshes::MAX_MESH_BYTES;
 use super::prometheus_text::{OPEN_METRICS, PROMETHEUS, accepts_open_metrics, from_open_metrics};
 use super::schemas;
+use crate::archive::MAX_ARCHIVE_BYTES;
 use crate::extract::MAX_BODY;
 use crate::{AppState, Problem};
 use axum::Json;
@@ -87,6 +88,7 @@ pub(super) async fn index(State(state): State<AppState>) -> Json<Value> {
         },
         "limits": {
             "request_bytes": MAX_BODY, "mesh_bytes": MAX_MESH_BYTES, "mesh_triangles": MAX_TRIANGLES,
+            "archive_bytes": MAX_ARCHIVE_BYTES,
             "total_mesh_bytes": state.quotas.max_total_mesh_bytes, "queued_jobs": state.quotas.max_queued,
             "writes_per_second": state.quotas.max_writes_per_second,
         },

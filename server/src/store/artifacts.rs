@@ -28,10 +28,11 @@ fn key(hash: &str) -> Key {
 }
 
 /// Media type of a file, by its extension.
-fn content_type(name: &str) -> &'static str {
+pub(crate) fn content_type(name: &str) -> &'static str {
     match name.rsplit_once('.').map(|(_, extension)| extension) {
         Some("json") => "application/json",
         Some("jsonl") => "application/x-ndjson",
+        Some("parquet") => "application/vnd.apache.parquet",
         Some("svg") => "image/svg+xml",
         Some("txt" | "md") => "text/plain; charset=utf-8",
         _ => "application/octet-stream",
@@ -222,11 +223,11 @@ impl Store {
         self.delete_unreferenced(files.into_iter().map(|(_, hash)| hash).collect()).await
     }
 
-    /// Ids of meshes that have a stored file but no record, left by a crash.
-    pub(crate) async fn orphan_meshes(&self) -> Result<Vec<String>, StoreError> {
+    /// Ids of meshes and imported models that have a stored file but no record, left by a crash.
+    pub(crate) async fn orphan_uploads(&self) -> Result<Vec<String>, StoreError> {
         Ok(sqlx::query_scalar(
             "SELECT DISTINCT owner FROM artifact_names
-             WHERE substr(owner, 1, 4) = 'msh_' AND owner NOT IN (SELECT id FROM records)",
+             WHERE substr(owner, 1, 4) IN ('msh_', 'mdl_') AND owner NOT IN (SELECT id FROM records)",
         )
         .fetch_all(&self.readers)
         .await?)

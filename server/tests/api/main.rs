@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "test helpers fail by panicking")]
 
 mod access;
+mod archives;
 mod clients;
 mod connections;
 mod database;

@@ -60,7 +60,10 @@ pub(crate) const ALLOWED_DEPENDENCIES: [(&str, &[&str]); 27] = [
             "evaluation",
         ],
     ),
-    ("server", &["mesh", "objects", "policy", "configs", "dataset-manifest", "worker-protocol"]),
+    (
+        "server",
+        &["mesh", "objects", "robot", "policy", "configs", "dataset-manifest", "worker-protocol"],
+    ),
     (
         "ngf-worker",
         &[

@@ -78,9 +78,9 @@ export function dataset(id: string): View {
       h("h1", {}, DATASET.title),
       factList([
         [FACTS.id, record.id],
-        [FACTS.createdBy, link(`jobs/${record.job}`, record.job)],
+        [FACTS.createdBy, record.job ? link(`jobs/${record.job}`, record.job) : FACTS.imported],
         [FACTS.created, dateTime(record.created_at)],
-        [FACTS.size, byteSize(record.bytes)],
+        [FACTS.files, download(new URL(`datasets/${id}/archive`, API).href, `${id}.tar`, record.bytes)],
         [FACTS.seed, String(record.config.seed)],
       ]),
       section(DATASET.objects, table(DATASET.objectsHead, rows, [1, 2])),

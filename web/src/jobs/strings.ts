@@ -69,6 +69,8 @@ export const FACTS = {
   size: "Size",
   created: "Created",
   createdBy: "Created by",
+  imported: "Imported",
+  files: "Files",
 } as const;
 
 // Links to the demo.

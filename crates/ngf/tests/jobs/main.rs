@@ -298,6 +298,7 @@ fn job_outputs_can_be_inspected() {
     assert!(
         episode["states"].as_array().unwrap().iter().all(|row| row.as_array().unwrap().len() == 46)
     );
+    datasets::assert_archive_restores_dataset(&server, id);
     let hash = record["hash"].as_str().unwrap();
     let dataset = folder.path().join("data/datasets").join(hash);
     datasets::assert_unreadable_episodes_are_reported(&server, id, &dataset);

@@ -6,12 +6,10 @@ use super::param_checks::{Invalid, MAX_THREADS, check_range, string_enum, unknow
 use super::{Cost, JobKind};
 use crate::jobs::Inputs;
 use crate::jobs::scheduler::OutputCollector;
-use crate::store::{RecordKind, StoreError};
-use chrono::Utc;
+use crate::store::StoreError;
 use configs::dataset::{DatasetConfig, PRESETS};
-use dataset_manifest::{Manifest, SUMMARY_FILE};
+use dataset_manifest::Manifest;
 use serde::{Deserialize, Serialize};
-use serde_json::{Value, json};
 use std::io;
 use utoipa::ToSchema;
 use utoipa::openapi::schema::Schema;
@@ -33,6 +31,10 @@ pub(crate) struct DatasetParams {
     /// Threads; 0 = all cores.
     #[serde(default)]
     pub(crate) threads: usize,
+    /// Add the noisy cloud of the episode to each row, as column `observation.pointcloud` (6 kB per row before
+    /// compression).
+    #[serde(default)]
+    pub(crate) point_clouds: bool,
 }
 
 fn default_preset() -> String {
@@ -93,6 +95,7 @@ impl JobKind for DatasetParams {
             args(["dataset", "generate", "--preset", &self.preset, "--out", OUT_DIR, "--resume"]),
             option_args("seed", Some(self.seed)),
             option_args("threads", Some(self.threads)),
+            args(["--point-clouds"]).into_iter().filter(|_| self.point_clouds).collect(),
             self.object_params.argv(inputs.mesh),
         ]
         .concat()
@@ -113,23 +116,7 @@ impl JobKind for DatasetParams {
                 hash.map_err(|_| io::Error::other(error))?
             }
         };
-        let folder = scheduler.dataset_dir(&hash);
-        tokio::fs::create_dir_all(folder.parent().unwrap_or(&folder)).await?;
-        // Another job may generate the same dataset at the same time.
-        let moved = out.exists() && tokio::fs::rename(out, &folder).await.is_ok();
-        let manifest = Manifest::read(&folder).map_err(io::Error::other)?;
-        if !moved && out.exists() {
-            tokio::fs::remove_dir_all(out).await?;
-        }
-        let summary: Value =
-            serde_json::from_slice(&tokio::fs::read(folder.join(SUMMARY_FILE)).await?)?;
-        let id = format!("ds_{}", &manifest.hash[..16]);
-        let record = json!({
-            "id": id, "object": "dataset", "hash": manifest.hash, "bytes": manifest.total_bytes(),
-            "job": outputs.job.id, "created_at": Utc::now(), "config": manifest.provenance.config,
-            "summary": summary,
-        });
-        scheduler.store.add_record(RecordKind::Dataset, &id, &record).await?;
+        let id = scheduler.add_dataset(out, &hash, Some(&outputs.job.id)).await?;
         outputs.outputs.dataset_id = Some(id);
         Ok(())
     }
@@ -166,6 +153,7 @@ impl JobKind for DatasetParams {
 mod tests {
     use super::*;
     use crate::jobs::kinds::param_checks::parse;
+    use serde_json::json;
 
     #[test]
     fn unspecified_params_get_defaults() {

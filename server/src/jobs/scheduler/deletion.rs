@@ -85,7 +85,8 @@ impl JobScheduler {
         }
     }
 
-    /// Cleans up after a server crash: deletes job folders without a job and mesh files without a record.
+    /// Cleans up after a server crash: deletes job folders without a job, and files of meshes and imported models
+    /// without a record.
     pub(super) async fn recover(&self) -> Result<(), StoreError> {
         let mut entries = tokio::fs::read_dir(self.work_dir()).await?;
         while let Some(entry) = entries.next_entry().await? {
@@ -94,10 +95,10 @@ impl JobScheduler {
                 self.remove_job_dir(&id).await;
             }
         }
-        for id in self.store.orphan_meshes().await? {
+        for id in self.store.orphan_uploads().await? {
             // A full disk does not prevent the start.
             if let Err(error) = self.store.delete_files(&id, None).await {
-                tracing::warn!(mesh = id, %error, "cannot delete the file of a deleted mesh");
+                tracing::warn!(upload = id, %error, "cannot delete the files of a deleted upload");
             }
         }
         Ok(())
@@ -107,10 +108,13 @@ impl JobScheduler {
     pub(crate) async fn delete_model(&self, record: &Value) -> Result<(), StoreError> {
         let text = |name: &str| record[name].as_str().unwrap_or_default();
         self.store.delete_record(RecordKind::Model, text("id")).await?;
-        let folder = record["step"].as_u64().map_or(String::new(), |step| format!("step-{step}/"));
+        let step = record["step"].as_u64().filter(|_| !record["job"].is_null());
+        let folder = step.map_or(String::new(), |step| format!("step-{step}/"));
         let files = record["files"].as_object().into_iter().flatten();
         let names: Vec<String> = files.clone().map(|(name, _)| format!("{folder}{name}")).collect();
-        self.store.delete_files(text("job"), Some(&names)).await?;
+        // The files of an imported model belong to the model itself.
+        let owner = if record["job"].is_null() { text("id") } else { text("job") };
+        self.store.delete_files(owner, Some(&names)).await?;
         // The job and its list of files may already be deleted.
         let hashes = files.filter_map(|(_, file)| file["blake3"].as_str().map(str::to_owned));
         self.store.collect_garbage(hashes.collect()).await

@@ -3,7 +3,7 @@
 use super::JobScheduler;
 use crate::jobs::kinds::{OUT_DIR, ParamsView};
 use crate::jobs::{Job, Outputs};
-use crate::model::JOB_MODEL_PREFIX;
+use crate::model_manifest::model_id;
 use crate::store::{Artifact, EventType, NewEvent, RecordKind, StoreError};
 use chrono::Utc;
 use policy::model::MODEL_FILES;
@@ -140,11 +140,7 @@ impl JobScheduler {
         files: &[Artifact],
         step: Option<u64>,
     ) -> Result<String, StoreError> {
-        let mut hasher = blake3::Hasher::new();
-        for file in files.iter().filter(|file| file.name.ends_with(".safetensors")) {
-            hasher.update(file.hash.as_bytes());
-        }
-        let id = format!("{JOB_MODEL_PREFIX}{}", &hasher.finalize().to_hex()[..16]);
+        let id = model_id(files.iter().map(|file| (file.name.as_str(), file.hash.as_str())));
         let entry = |file: &Artifact| {
             let name = file.name.rsplit('/').next().unwrap_or_default().to_owned();
             (name, json!({ "blake3": file.hash, "bytes": file.bytes }))
