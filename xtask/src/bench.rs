@@ -145,7 +145,7 @@ fn median(mut values: Vec<f64>) -> f64 {
 
 /// The same training steps in PyTorch, with its fastest number of threads.
 fn torch(workspace: &Workspace) -> Result<Vec<Row>> {
-    let python = python::environment(workspace, "baselines.txt")?;
+    let python = python::environment(workspace, python::BASELINES)?;
     let script = ["tests/python/training_step.py"];
     let output = workspace::output_of(&mut workspace.command(python, &script))?;
     Ok(output.lines().filter_map(row).collect())
@@ -153,7 +153,7 @@ fn torch(workspace: &Workspace) -> Result<Vec<Row>> {
 
 /// A MuJoCo physics step with the same robot, table and box.
 fn mujoco(workspace: &Workspace) -> Result<Row> {
-    let python = python::environment(workspace, "baselines.txt")?;
+    let python = python::environment(workspace, python::BASELINES)?;
     let script = ["tests/python/mujoco_step.py", "assets/robot/iiwa7_allegro/robot.urdf"];
     let output = workspace::output_of(&mut workspace.command(python, &script))?;
     output.lines().find_map(row).context("mujoco_step.py printed no row")

@@ -3,22 +3,16 @@
 use crate::chromium;
 use crate::stages::StageRunner;
 use crate::workspace::{Workspace, run};
-use crate::{python, tools, web_build};
-use anyhow::{Context, Result};
-use std::io::{BufRead, BufReader};
+use crate::{api_checks, python, tools, web_build};
+use anyhow::Result;
 use std::path::PathBuf;
-use std::process::{Command, Stdio};
+use std::process::Command;
 
 /// Time limit of a browser test (s). The default of the runner, 20 s, is for unit tests.
 const WASM_TEST_SECONDS: &str = "300";
 
 /// Time limit of a long browser test (s).
 const LONG_TEST_SECONDS: &str = "3600";
-
-/// Python requirement files in tests/python.
-const TEST_REQUIREMENTS: &str = "requirements.txt";
-const API_REQUIREMENTS: &str = "api.txt";
-const LINT_REQUIREMENTS: &str = "lints.txt";
 
 /// Examples that run without arguments. The native tests build them.
 const EXAMPLES: [&str; 5] = [
@@ -41,15 +35,16 @@ pub(crate) fn test(workspace: &Workspace) -> Result<bool> {
     // Missing tools are reported before stages that take minutes.
     tools::node(workspace)?;
     chromium::find(workspace)?;
-    python::environment(workspace, TEST_REQUIREMENTS)?;
+    python::environment(workspace, python::TEST)?;
     let mut stages = StageRunner::new();
     quick(workspace, &mut stages);
     stages.stage("python", |stages| {
         stages.count(&mut python_tests(workspace)?)?;
-        let python = python::environment(workspace, TEST_REQUIREMENTS)?;
+        let python = python::environment(workspace, python::TEST)?;
         let example = ["examples/06_read_dataset.py"];
         run(workspace.command(python, &example).arg(dataset_folder(workspace)))
     });
+    stages.stage("api", |_| api_checks::validate(workspace));
     stages.stage("wasm", |stages| {
         let mut tests = wasm_tests(workspace)?;
         stages.count(tests.args(["--lib", "--tests"]))
@@ -78,6 +73,8 @@ pub(crate) enum LongCheck {
     Jobs,
     /// Fuzz the HTTP API from its OpenAPI description.
     Api,
+    /// Run the pipeline with a generated Python client, and train LeRobot's policies on its dataset.
+    Clients,
     /// Fuzz the parsers of meshes, weights, replay files and job requests.
     Fuzz,
 }
@@ -89,7 +86,11 @@ pub(crate) fn stress(workspace: &Workspace, selection: &[LongCheck]) -> Result<b
         chromium::find(workspace)?;
     }
     if is_selected(LongCheck::Api) {
-        python::environment(workspace, API_REQUIREMENTS)?;
+        python::environment(workspace, python::API)?;
+    }
+    if is_selected(LongCheck::Clients) {
+        python::environment(workspace, python::CLIENTS)?;
+        python::environment(workspace, python::LEROBOT)?;
     }
     let mut stages = StageRunner::new();
     if is_selected(LongCheck::Parity) {
@@ -109,58 +110,23 @@ pub(crate) fn stress(workspace: &Workspace, selection: &[LongCheck]) -> Result<b
         });
     }
     if is_selected(LongCheck::Api) {
-        stages.stage("api", |_| fuzz_api(workspace));
+        stages.stage("api", |_| api_checks::fuzz(workspace));
+    }
+    if is_selected(LongCheck::Clients) {
+        stages.stage("clients", |_| {
+            workspace.build_programs(&["ngf", "ngf-worker"])?;
+            api_checks::run_generated_client(workspace)
+        });
+        stages.stage("lerobot", |stages| {
+            let python = python::environment(workspace, python::LEROBOT)?;
+            let mut test = workspace.command(python, &["tests/python/lerobot_training.py"]);
+            stages.count(test.arg(api_checks::fetched_dataset(workspace)))
+        });
     }
     if is_selected(LongCheck::Fuzz) {
         stages.stage("fuzz", |_| fuzz(workspace));
     }
     Ok(stages.report())
-}
-
-/// Sends valid and invalid requests, generated from the OpenAPI description. Fails if a response does not
-/// conform to the description or is a server error.
-fn fuzz_api(workspace: &Workspace) -> Result<()> {
-    let python = python::environment(workspace, API_REQUIREMENTS)?;
-    workspace.build_programs(&["ngf", "ngf-worker"])?;
-    let folder = workspace.target.join("tmp/api");
-    if folder.exists() {
-        std::fs::remove_dir_all(&folder)?;
-    }
-    // The server accepts jobs but does not start them.
-    let serve = [
-        "serve",
-        "--port",
-        "0",
-        "--max-jobs",
-        "0",
-        "--max-writes-per-second",
-        "100000",
-        "--data-dir",
-    ];
-    let mut serve = workspace.command(workspace.program("ngf"), &serve);
-    serve.arg(&folder).env("NGF_LOG", "warn").stdout(Stdio::piped());
-    let mut server = serve.spawn().context("cannot run ngf")?;
-    let mut address = String::new();
-    if let Some(output) = server.stdout.take() {
-        BufReader::new(output).read_line(&mut address)?;
-    }
-    let checks = "not_a_server_error,status_code_conformance,content_type_conformance,\
-                  response_schema_conformance,negative_data_rejection";
-    let description = format!("{}/openapi.json", address.trim());
-    let program = python.with_file_name("schemathesis");
-    let mut schemathesis = workspace.command(program, &["run", &description]);
-    schemathesis.args([
-        "--phases",
-        "coverage,fuzzing",
-        "--continue-on-failure",
-        "--warnings",
-        "off",
-    ]);
-    schemathesis.args(["--checks", checks, "--max-time", "300", "--seed", "1"]);
-    let result = run(&mut schemathesis);
-    server.kill()?;
-    server.wait()?;
-    result
 }
 
 /// Fuzzing time of each target in `fuzz/` (minutes).
@@ -195,7 +161,7 @@ fn fuzz(workspace: &Workspace) -> Result<()> {
 fn quick(workspace: &Workspace, stages: &mut StageRunner) {
     stages.stage("format", |_| run(&mut workspace.cargo(&["fmt", "--all", "--check"])));
     stages.stage("spelling", |_| {
-        let python = python::environment(workspace, LINT_REQUIREMENTS)?;
+        let python = python::environment(workspace, python::LINTS)?;
         run(&mut workspace.command(python.with_file_name("typos"), &[]))
     });
     stages.stage("licences", |_| {
@@ -213,7 +179,8 @@ fn quick(workspace: &Workspace, stages: &mut StageRunner) {
     stages.stage("types", |_| {
         tools::node(workspace)?;
         tools::npm_packages(workspace, "packages", &workspace.web())?;
-        run(&mut workspace.npm(&workspace.web(), &["run", "--silent", "typecheck"]))
+        run(&mut workspace.npm(&workspace.web(), &["run", "--silent", "typecheck"]))?;
+        tools::check_api_types(workspace)
     });
 }
 
@@ -224,7 +191,7 @@ fn dataset_folder(workspace: &Workspace) -> PathBuf {
 
 /// The Python test, with a small generated dataset as input.
 fn python_tests(workspace: &Workspace) -> Result<Command> {
-    let python = python::environment(workspace, TEST_REQUIREMENTS)?;
+    let python = python::environment(workspace, python::TEST)?;
     let folder = dataset_folder(workspace);
     if folder.exists() {
         std::fs::remove_dir_all(&folder)?;

@@ -2,6 +2,7 @@
 //!
 //! They install missing tools, build in dependency order, and skip unchanged steps.
 
+mod api_checks;
 mod bench;
 mod build_cache;
 mod checks;

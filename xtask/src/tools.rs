@@ -71,6 +71,17 @@ pub(crate) fn npm_packages(workspace: &Workspace, name: &str, folder: &Path) -> 
     step.run(workspace, || run(&mut workspace.npm(folder, &["ci", "--no-audit", "--no-fund"])))
 }
 
+/// Checks that the page's types match the OpenAPI description. The generator needs an older TypeScript than the
+/// page, so it is a package of `tests/browser`.
+pub(crate) fn check_api_types(workspace: &Workspace) -> Result<()> {
+    let folder = workspace.browser_tests();
+    npm_packages(workspace, "browser-packages", &folder)?;
+    let check = ["run", "--silent", "api-types", "--", "--check"];
+    run(&mut workspace.npm(&folder, &check)).context(
+        "web/src/common/api_types.ts differs from server/openapi.json; run `npm run api-types` in tests/browser",
+    )
+}
+
 /// An npm script of `tests/browser`, with Chromium and the page served by the built `ngf`.
 pub(crate) fn browser(workspace: &Workspace, script: &str) -> Result<Command> {
     let chromium = chromium::find(workspace)?;
