@@ -42,9 +42,7 @@ pub enum MeshError {
         limit: usize,
     },
     /// A count exceeds its limit.
-    #[error(
-        "the file has {found} or more {what}; the limit is {limit}. {}", cure_of_excess(what)
-    )]
+    #[error("the file has {found} or more {what}; the limit is {limit}. {}", cure_of_excess(what))]
     TooMany {
         /// Counted items, plural.
         what: &'static str,

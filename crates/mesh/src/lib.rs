@@ -33,8 +33,8 @@ pub use convex_decomposition::{ConvexDecomposition, Method, decompose, decompose
 pub use convex_hull::convex_hull;
 pub use error::{Location, MeshError};
 pub use io::{
-    ExternalFiles, FORMATS, MAX_BYTES, MAX_TRIANGLES, MeshFormat, NO_EXTERNAL_FILES, format_list, read,
-    read_with_files,
+    ExternalFiles, FORMATS, MAX_BYTES, MAX_TRIANGLES, MeshFormat, NO_EXTERNAL_FILES, format_list,
+    read, read_with_files,
 };
 pub use mass_properties::{MassProperties, VolumeSource, mass_properties};
 pub use options::{MeshOptions, UpAxis};

@@ -67,7 +67,8 @@ impl MassProperties {
     pub fn rotated(self, rotation: &DMat3) -> Self {
         let rows = self.inertia.map(|row| DVec3::from_array(row.map(f64::from)));
         // The inertia is symmetric: its rows are its columns.
-        let inertia = *rotation * DMat3::from_cols(rows[0], rows[1], rows[2]) * rotation.transpose();
+        let inertia =
+            *rotation * DMat3::from_cols(rows[0], rows[1], rows[2]) * rotation.transpose();
         let center_of_mass = (*rotation * self.center_of_mass.as_dvec3()).as_vec3();
         Self { center_of_mass, inertia: rows_of(&inertia), ..self }
     }

@@ -42,9 +42,7 @@ impl MeshOptions {
             (Some(size), _) if !is_valid(size) => invalid("size", "a positive length"),
             (_, Some(scale)) if !is_valid(scale) => invalid("scale", "a positive factor"),
             (Some(_), Some(_)) => invalid("size", "either a size or a scale"),
-            (Some(_), None) if self.unit.is_some() => {
-                invalid("size", "either a size or a unit")
-            }
+            (Some(_), None) if self.unit.is_some() => invalid("size", "either a size or a unit"),
             _ => Ok(()),
         }
     }
@@ -120,7 +118,9 @@ mod tests {
             (MeshOptions { size: Some(0.1), unit: Some(Unit::Inch), ..none }, "size"),
         ] {
             let error = options.check().unwrap_err();
-            assert!(matches!(error, MeshError::InvalidOption { option: found, .. } if found == option));
+            assert!(
+                matches!(error, MeshError::InvalidOption { option: found, .. } if found == option)
+            );
         }
         assert!(MeshOptions { scale: Some(2.0), unit: Some(Unit::Inch), ..none }.check().is_ok());
     }

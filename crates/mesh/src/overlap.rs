@@ -71,7 +71,8 @@ fn find_crossings(
             let mut x = first.x;
             while x <= last.x {
                 let p = line(x as u32, y as u32);
-                let weights = [(b - p).perp_dot(c - p), (c - p).perp_dot(a - p), (a - p).perp_dot(b - p)];
+                let weights =
+                    [(b - p).perp_dot(c - p), (c - p).perp_dot(a - p), (a - p).perp_dot(b - p)];
                 if weights.iter().all(|w| w * doubled.signum() > 0.0) {
                     let height: f64 =
                         weights.iter().zip(corners).map(|(w, corner)| w * corner.z).sum();

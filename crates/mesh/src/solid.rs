@@ -36,11 +36,7 @@ pub fn solid_properties(mesh: &Mesh, watertight: bool) -> Result<MassProperties,
 }
 
 /// Mass properties of closed surfaces; common volume counts once. `None` if they are not valid.
-fn without_overlap(
-    mesh: &Mesh,
-    source: VolumeSource,
-    max_volume: f64,
-) -> Option<MassProperties> {
+fn without_overlap(mesh: &Mesh, source: VolumeSource, max_volume: f64) -> Option<MassProperties> {
     let mut integrals = VolumeIntegrals::of(mesh);
     let mut source = source;
     if let Some(overlap) = overlap(mesh, integrals.origin)
@@ -140,7 +136,8 @@ mod tests {
         near(properties.volume, 104e-6, 0.01);
         // Solid bars: (m_bar (w² + l²) / 12) twice and m_bar w² / 6 once, less the shared cube twice.
         let (w, l): (f64, f64) = (0.02, 0.1);
-        let wanted = 2.0 * 40e-6 * (w * w + l * l) / 12.0 + 40e-6 * w * w / 6.0 - 16e-6 * w * w / 6.0;
+        let wanted =
+            2.0 * 40e-6 * (w * w + l * l) / 12.0 + 40e-6 * w * w / 6.0 - 16e-6 * w * w / 6.0;
         near(properties.inertia[2][2].into(), wanted, 0.01);
         assert!(properties.center_of_mass.length() < 2e-4, "{}", properties.center_of_mass);
     }

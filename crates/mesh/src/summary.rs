@@ -71,7 +71,8 @@ mod tests {
         for face in ["1 3 4 2", "5 6 8 7", "1 2 6 5", "3 7 8 4", "1 5 7 3", "2 4 8 6"] {
             text += &format!("f {face}\n");
         }
-        let summary = MeshSummary::of(&import(text.as_bytes(), &MeshOptions::default()).unwrap()).unwrap();
+        let summary =
+            MeshSummary::of(&import(text.as_bytes(), &MeshOptions::default()).unwrap()).unwrap();
         assert_eq!((summary.unit, summary.triangles, summary.watertight), ("millimetre", 12, true));
         assert!((summary.volume_m3 - 1e-3).abs() < 1e-9, "{summary:?}");
         assert_eq!(summary.volume_source, VolumeSource::Surface);

@@ -81,9 +81,7 @@ pub(crate) fn resolve_unit(
         let unit = options.unit.unwrap_or(unit_of_format);
         return resolved(unit, options.scale.unwrap_or(1.0), "as specified");
     }
-    let is_in = |[min, max]: [f32; 2], unit: Unit| {
-        (min..=max).contains(&(longest * unit.metres()))
-    };
+    let is_in = |[min, max]: [f32; 2], unit: Unit| (min..=max).contains(&(longest * unit.metres()));
     if let Some(format) = format {
         if is_in(ACCEPTED_RANGE_M, format.unit) {
             return resolved(format.unit, 1.0, format.reason);

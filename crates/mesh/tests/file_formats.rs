@@ -3,7 +3,8 @@
 mod common;
 
 use common::{
-    box_triangles, check, check_import, corners, cuboid, glb, gltf_box, import, import_with, obj, stl,
+    box_triangles, check, check_import, corners, cuboid, glb, gltf_box, import, import_with, obj,
+    stl,
 };
 use mesh::MeshError;
 
@@ -103,7 +104,8 @@ fn binary_stl_with_other_bytes_is_read() {
 
 #[test]
 fn instances_are_placed() {
-    let instancing = r#","extensions":{"EXT_mesh_gpu_instancing":{"attributes":{"TRANSLATION":2}}}"#;
+    let instancing =
+        r#","extensions":{"EXT_mesh_gpu_instancing":{"attributes":{"TRANSLATION":2}}}"#;
     let required = r#","extensionsUsed":["EXT_mesh_gpu_instancing"],
         "extensionsRequired":["EXT_mesh_gpu_instancing"]"#;
     let (json, buffer) = gltf_box(None, required, instancing);
@@ -117,11 +119,14 @@ fn required_extension_is_refused_by_name_unless_it_only_changes_the_appearance()
         let (json, buffer) = gltf_box(None, extra, "");
         import(&glb(&json, &buffer))
     };
-    for name in ["EXT_shape_of_the_future", "KHR_draco_mesh_compression", "EXT_meshopt_compression"] {
+    for name in ["EXT_shape_of_the_future", "KHR_draco_mesh_compression", "EXT_meshopt_compression"]
+    {
         let error = read(&format!(r#","extensionsRequired":["{name}"]"#)).unwrap_err().to_string();
         assert!(error.contains(name) && error.contains("Export the mesh without it"), "{error}");
     }
-    assert!(read(r#","extensionsRequired":["KHR_materials_unlit","KHR_texture_transform"]"#).is_ok());
+    assert!(
+        read(r#","extensionsRequired":["KHR_materials_unlit","KHR_texture_transform"]"#).is_ok()
+    );
     assert!(read(r#","extensionsUsed":["EXT_shape_of_the_future"]"#).is_ok());
 }
 
@@ -139,9 +144,7 @@ fn compression_is_named_if_the_geometry_is_missing() {
 #[test]
 fn assembly_of_many_bodies_is_read() {
     let (json, buffer) = gltf_box(None, "", "");
-    let list = |item: &dyn Fn(usize) -> String| {
-        (0..3000).map(item).collect::<Vec<_>>().join(",")
-    };
+    let list = |item: &dyn Fn(usize) -> String| (0..3000).map(item).collect::<Vec<_>>().join(",");
     let node = |i: usize| {
         let at = [i % 15, i / 15 % 15, i / 225].map(|k| 0.15 * k as f64);
         format!(
@@ -157,7 +160,10 @@ fn assembly_of_many_bodies_is_read() {
     };
     let json = json
         .replace(r#""nodes":[{"mesh":0}]"#, &format!(r#""nodes":[{}]"#, list(&node)))
-        .replace(r#""scenes":[{"nodes":[0]}]"#, &format!(r#""scenes":[{{"nodes":[{}]}}]"#, list(&|i| i.to_string())))
+        .replace(
+            r#""scenes":[{"nodes":[0]}]"#,
+            &format!(r#""scenes":[{{"nodes":[{}]}}]"#, list(&|i| i.to_string())),
+        )
         .replace(
             r#""meshes":[{"primitives":[{"attributes":{"POSITION":0},"indices":1}]}]"#,
             &format!(r#""meshes":[{}]"#, list(&mesh)),
@@ -199,10 +205,11 @@ fn distant_mesh_keeps_its_size() {
         let mut vertices = corners([0.0; 3], [0.06, 0.04, 0.1]);
         vertices.iter_mut().for_each(|v| (0..3).for_each(|axis| v[axis] += at[axis]));
         check(name, obj(&vertices, &box_faces()).as_bytes(), BOX_MM, BOX_CM3);
-        let mut ply = b"ply\nformat binary_little_endian 1.0\nelement vertex 8\nproperty double x\n\
+        let mut ply =
+            b"ply\nformat binary_little_endian 1.0\nelement vertex 8\nproperty double x\n\
             property double y\nproperty double z\nelement face 12\n\
             property list uchar int vertex_indices\nend_header\n"
-            .to_vec();
+                .to_vec();
         ply.extend(vertices.iter().flatten().flat_map(|x| x.to_le_bytes()));
         for triangle in box_triangles() {
             ply.push(3);

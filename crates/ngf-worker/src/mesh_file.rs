@@ -199,7 +199,8 @@ mod tests {
     #[test]
     fn only_mesh_of_a_folder_is_selected() {
         let names = |names: &[&str]| only_mesh(names.iter().map(|n| (*n).to_owned()).collect());
-        let found = names(&["._box.stl", "a/.hidden.obj", "box.STL", "scene.bin", "__MACOSX/box.stl"]);
+        let found =
+            names(&["._box.stl", "a/.hidden.obj", "box.STL", "scene.bin", "__MACOSX/box.stl"]);
         assert_eq!(found.unwrap(), "box.STL");
         assert!(names(&["readme.txt"]).unwrap_err().to_string().contains("no mesh"));
         let error = names(&["b.obj", "a.obj"]).unwrap_err().to_string();

@@ -114,10 +114,8 @@ impl ObjectOptions {
         let subject = match (&self.object, &self.mesh) {
             (Some(name), None) => SelectedObject::built_in(name)?,
             (None, Some(path)) => {
-                let options = ImportOptions {
-                    orientation: self.orientation,
-                    ..self.size.import_options()
-                };
+                let options =
+                    ImportOptions { orientation: self.orientation, ..self.size.import_options() };
                 import_mesh(path, options, &self.mass_spec()?, chooser)?
             }
             _ => bail!(

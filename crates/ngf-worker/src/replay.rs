@@ -77,9 +77,7 @@ fn replay_link(link: &ShareLink, options: &Options) -> Result<()> {
     );
     let name = &link.object;
     let object = match options.object.mesh_only()? {
-        Some(file) => {
-            object_selection::import_file(file, name, link.options, FIRST_POSE)?.object
-        }
+        Some(file) => object_selection::import_file(file, name, link.options, FIRST_POSE)?.object,
         None => {
             built_in_object(name).context("the link refers to a mesh file; pass it with --mesh")?
         }

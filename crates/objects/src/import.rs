@@ -7,12 +7,11 @@
 
 use crate::object::{DEFAULT_FRICTION, Object};
 pub use crate::orientation::{Orientation, OrientationReason};
-use crate::resting_pose::{Candidates, object_on_hull};
 pub use crate::resting_pose::MAX_STABLE_POSES;
+use crate::resting_pose::{Candidates, object_on_hull};
 use mesh::{
-    self, ExternalFiles, ImportedMesh, MassProperties, Mesh, MeshError, MeshOptions,
-    NO_EXTERNAL_FILES, RepairReport, ResolvedUnit, SimplifyReport, StablePose, Unit, UpAxis,
-    VolumeSource,
+    self, ExternalFiles, ImportedMesh, Mesh, MeshError, MeshOptions, NO_EXTERNAL_FILES,
+    RepairReport, ResolvedUnit, SimplifyReport, Unit, UpAxis, VolumeSource,
 };
 use progress::{NoProgress, Progress};
 
@@ -297,8 +296,9 @@ mod tests {
             let Ok(import) = mesh::import(&bytes, &MeshOptions::default()) else { continue };
             num_scans += 1;
             let height = import.mesh.extent().z;
-            let found = import_object("scan.obj", &bytes, ImportOptions::default(), &ImportContext::NONE)
-            .unwrap();
+            let found =
+                import_object("scan.obj", &bytes, ImportOptions::default(), &ImportContext::NONE)
+                    .unwrap();
             println!(
                 "{path:?}: {:?}, {} of {height} m high",
                 found.orientation,
@@ -320,12 +320,22 @@ mod tests {
             };
             let tilted = raised.into_iter().fold(BOX.to_owned(), raise);
             assert_ne!(tilted, BOX);
-            let found = import_object("box.obj", tilted.as_bytes(), ImportOptions::default(), &ImportContext::NONE)
+            let found = import_object(
+                "box.obj",
+                tilted.as_bytes(),
+                ImportOptions::default(),
+                &ImportContext::NONE,
+            )
             .unwrap();
             assert_eq!(found.orientation.1, OrientationReason::Unstable, "{raised:?}");
         }
         let tilted = BOX.replace("v 40 60 0", "v 40 60 90").replace("v 40 0 0", "v 40 0 90");
-        let most_stable = import_object("box.obj", tilted.as_bytes(), ImportOptions::default(), &ImportContext::NONE)
+        let most_stable = import_object(
+            "box.obj",
+            tilted.as_bytes(),
+            ImportOptions::default(),
+            &ImportContext::NONE,
+        )
         .unwrap();
         assert_eq!(
             most_stable.orientation,

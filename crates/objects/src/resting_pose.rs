@@ -87,7 +87,8 @@ impl OfferedPoses {
                 (Orientation::AsInFile, OrientationReason::Given)
             }
             (None, None) => {
-                let mut meshes = self.stable.iter().map(|pose| mesh.clone().rotated(&pose.rotation));
+                let mut meshes =
+                    self.stable.iter().map(|pose| mesh.clone().rotated(&pose.rotation));
                 match (context.choose_orientation)(&mut meshes) {
                     Some(index) => {
                         (Orientation::StablePose(index), OrientationReason::ChosenByModel)
@@ -171,8 +172,7 @@ mod tests {
     #[test]
     fn box_with_y_up_stands_in_formats_that_define_no_axis() {
         let [low, high] = [[-30, 0, -30], [30, 120, 30]];
-        let found =
-            import(&file(false, low, high), ImportOptions::default(), &ImportContext::NONE);
+        let found = import(&file(false, low, high), ImportOptions::default(), &ImportContext::NONE);
         assert_eq!(found.orientation.1, OrientationReason::YUpFile);
         assert!((found.object.size().z - 0.12).abs() < 1e-6);
         // STL is z up, unless another axis is given.

@@ -72,7 +72,11 @@ mod tests {
         let config = SceneConfig::standard().unwrap();
         let size = Vec3::new(0.04, 0.06, 0.12);
         for (center_at, is_resting) in [(0.5, true), (0.9, true), (1.1, false), (-0.1, false)] {
-            assert_eq!(rests_on_table(&config, &cuboid(size, center_at)), is_resting, "{center_at}");
+            assert_eq!(
+                rests_on_table(&config, &cuboid(size, center_at)),
+                is_resting,
+                "{center_at}"
+            );
         }
     }
 }

@@ -125,9 +125,9 @@ fn mesh_options(query: &BTreeMap<String, String>) -> Result<MeshOptions, Problem
         let parsed = text.map(|text| text.parse().map_err(|_| invalid(name, "a positive number")));
         parsed.transpose()
     };
-    let unit = query.get("unit").map(|text| {
-        Unit::from_symbol(text).ok_or_else(|| invalid("unit", "m, cm, mm or in"))
-    });
+    let unit = query
+        .get("unit")
+        .map(|text| Unit::from_symbol(text).ok_or_else(|| invalid("unit", "m, cm, mm or in")));
     let up = query
         .get("up")
         .map(|text| UpAxis::from_name(text).ok_or_else(|| invalid("up", "x, y or z")));

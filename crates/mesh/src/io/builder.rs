@@ -190,8 +190,8 @@ impl MeshBuilder {
     /// Centre of the used vertices along each axis on which it is far from the origin, else zero.
     fn distant_center(&self) -> Result<DVec3, MeshError> {
         let used = || self.triangles.iter().flatten().map(|&i| self.vertices[i as usize]);
-        let (low, high) = used()
-            .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), p| (l.min(p), h.max(p)));
+        let (low, high) =
+            used().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), p| (l.min(p), h.max(p)));
         let longest = (high - low).max_element();
         let center = (low + high) / 2.0;
         let is_far = center.abs().cmpgt(DVec3::splat(MAX_CENTER_DISTANCE * longest));

@@ -9,6 +9,7 @@ mod accessor;
 mod builder;
 mod container;
 mod data_uri;
+mod glb;
 mod gltf;
 mod gltf_extensions;
 mod obj;

@@ -52,7 +52,9 @@ pub(super) fn numbered_tokens(bytes: &[u8]) -> impl Iterator<Item = (usize, &[u8
 pub(super) fn parse_number(token: &[u8]) -> Option<f64> {
     let text = std::str::from_utf8(token).ok()?;
     text.parse().ok().or_else(|| {
-        let is_numeric = |b: &u8| matches!(b, b'0'..=b'9' | b'+' | b'-' | b'.' | b',' | b'd' | b'D' | b'e' | b'E');
+        let is_numeric = |b: &u8| {
+            matches!(b, b'0'..=b'9' | b'+' | b'-' | b'.' | b',' | b'd' | b'D' | b'e' | b'E')
+        };
         let has_digits = token.iter().all(is_numeric) && token.iter().any(u8::is_ascii_digit);
         has_digits.then(|| text.replace(',', ".").replace(['d', 'D'], "e").parse().ok()).flatten()
     })

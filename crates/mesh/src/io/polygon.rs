@@ -63,9 +63,8 @@ fn clip_ears(points: &[DVec2]) -> Vec<[usize; 3]> {
     let mut indices: Vec<u32> = Vec::new();
     Earcut::new().earcut(points.iter().map(|p| p.to_array()), &[], &mut indices);
     let (triples, _) = indices.as_chunks::<3>();
-    let is_clockwise = |&[a, b, c]: &[usize; 3]| {
-        (points[b] - points[a]).perp_dot(points[c] - points[a]) < 0.0
-    };
+    let is_clockwise =
+        |&[a, b, c]: &[usize; 3]| (points[b] - points[a]).perp_dot(points[c] - points[a]) < 0.0;
     let mut triangles: Vec<[usize; 3]> =
         triples.iter().map(|triple| triple.map(|i| i as usize)).collect();
     for triangle in triangles.iter_mut().filter(|triangle| is_clockwise(triangle)) {
@@ -111,8 +110,7 @@ mod tests {
 
     /// C of 80 x 80, opening to the right from x = 15, y = 15 to 65; starts at any corner.
     fn bracket(start: usize) -> Vec<DVec3> {
-        let outline =
-            [[80, 0], [80, 15], [15, 15], [15, 65], [80, 65], [80, 80], [0, 80], [0, 0]];
+        let outline = [[80, 0], [80, 15], [15, 15], [15, 65], [80, 65], [80, 80], [0, 80], [0, 0]];
         let corner = |i: usize| outline[(start + i) % 8].map(f64::from);
         // Tilted out of the coordinate planes.
         (0..8).map(corner).map(|[x, y]| DVec3::new(x, 0.6 * y, 0.8 * y)).collect()

@@ -41,8 +41,7 @@ fn num_odd_edges(mesh: &Mesh) -> usize {
 
 fn area(mesh: &Mesh) -> f64 {
     let corner = |i: u32| mesh.vertices[i as usize].as_dvec3();
-    let doubled = |t: &[u32; 3]| {
-        (corner(t[1]) - corner(t[0])).cross(corner(t[2]) - corner(t[0])).length()
-    };
+    let doubled =
+        |t: &[u32; 3]| (corner(t[1]) - corner(t[0])).cross(corner(t[2]) - corner(t[0])).length();
     mesh.triangles.iter().map(doubled).sum()
 }

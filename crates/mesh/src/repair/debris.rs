@@ -58,14 +58,16 @@ fn find_debris(all: &[Measures]) -> Vec<bool> {
         all.iter().zip(&small).filter(|(_, small)| !**small).map(|(m, _)| m.volume).sum();
     let total_area: f64 = all.iter().map(|m| m.area).sum();
     let sum = |is_closed: bool, value: fn(&Measures) -> f64| -> f64 {
-        let chosen = all.iter().zip(&small).filter(|(m, small)| **small && m.is_closed == is_closed);
+        let chosen =
+            all.iter().zip(&small).filter(|(m, small)| **small && m.is_closed == is_closed);
         chosen.map(|(m, _)| value(m)).sum()
     };
     let is_closed_debris = sum(true, |m| m.volume) <= MAX_TOTAL_VOLUME * large_volume;
     let is_open_debris = sum(false, |m| m.area) <= MAX_TOTAL_AREA * total_area;
     let is_near = near_components(all, largest);
     let distant = all.iter().zip(&is_near).filter(|(_, is_near)| !**is_near);
-    let is_distant_debris = distant.map(|(m, _)| m.area).sum::<f64>() <= MAX_DISTANT_AREA * total_area;
+    let is_distant_debris =
+        distant.map(|(m, _)| m.area).sum::<f64>() <= MAX_DISTANT_AREA * total_area;
     let is_debris = |((m, small), is_near): ((&Measures, &bool), &bool)| {
         let is_part_of_debris = match m.is_closed {
             true => is_closed_debris && m.volume <= MAX_VOLUME * large_volume,

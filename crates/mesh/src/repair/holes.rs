@@ -41,7 +41,9 @@ pub(super) fn fill_holes(mesh: &mut Mesh) -> usize {
         if !is_boundary[start] || is_visited[start] {
             continue;
         }
-        let Some(hole) = trace(mesh, &twins, &is_boundary, &mut is_visited, start) else { continue };
+        let Some(hole) = trace(mesh, &twins, &is_boundary, &mut is_visited, start) else {
+            continue;
+        };
         let points: Vec<DVec3> = hole.iter().map(|&i| corner(i)).collect();
         let area = doubled_area(&points) / 2.0;
         let is_small = hole.len() == 3 || area <= MAX_AREA * total;

@@ -2,7 +2,9 @@
 
 #![allow(dead_code, reason = "each test file uses some of the writers")]
 
-use mesh::{ExternalFiles, ImportedMesh, MassProperties, MeshError, MeshOptions, NO_EXTERNAL_FILES};
+use mesh::{
+    ExternalFiles, ImportedMesh, MassProperties, MeshError, MeshOptions, NO_EXTERNAL_FILES,
+};
 
 pub(crate) type Triangle = [[f64; 3]; 3];
 
@@ -63,7 +65,9 @@ pub(crate) fn gltf_box(uri: Option<&str>, extra: &str, node: &str) -> (String, V
         points.iter().flatten().flat_map(|x| (*x as f32).to_le_bytes()).collect();
     data.extend(box_triangles().iter().flatten().flat_map(|i| (*i as u16).to_le_bytes()));
     // Places of three instances.
-    data.extend([0.0_f32, 0.1, 0.2].into_iter().flat_map(|x| [x, 0.0, 0.0]).flat_map(f32::to_le_bytes));
+    data.extend(
+        [0.0_f32, 0.1, 0.2].into_iter().flat_map(|x| [x, 0.0, 0.0]).flat_map(f32::to_le_bytes),
+    );
     let uri = uri.map_or(String::new(), |uri| format!(r#","uri":"{uri}""#));
     let json = format!(
         r#"{{"asset":{{"version":"2.0"}},"scene":0,"scenes":[{{"nodes":[0]}}],
@@ -81,7 +85,7 @@ pub(crate) fn gltf_box(uri: Option<&str>, extra: &str, node: &str) -> (String, V
 }
 
 pub(crate) fn glb(json: &str, buffer: &[u8]) -> Vec<u8> {
-    let json = format!("{json:<width$}", width = json.len().next_multiple_of(4));
+    let json = format!("{json}{}", " ".repeat(json.len().next_multiple_of(4) - json.len()));
     let length = 12 + 8 + json.len() + 8 + buffer.len();
     let mut bytes = b"glTF".to_vec();
     for word in [2, length, json.len()] {
@@ -109,7 +113,12 @@ pub(crate) fn import_with(
 }
 
 /// Checks extents (within 0.5 mm) and volume (within 2 %).
-pub(crate) fn check(name: &str, bytes: &[u8], extent_mm: [f32; 3], volume_cm3: f64) -> ImportedMesh {
+pub(crate) fn check(
+    name: &str,
+    bytes: &[u8],
+    extent_mm: [f32; 3],
+    volume_cm3: f64,
+) -> ImportedMesh {
     check_import(name, import(bytes), extent_mm, volume_cm3)
 }
 

@@ -127,10 +127,8 @@ mod tests {
 
     /// A running job in its first attempt.
     fn job() -> Job {
-        let params = Params::MeshPrepare(MeshParams {
-            mesh_id: "msh_1".into(),
-            ..MeshParams::default()
-        });
+        let params =
+            Params::MeshPrepare(MeshParams { mesh_id: "msh_1".into(), ..MeshParams::default() });
         let mut job = Job::new(params, Inputs::default());
         (job.status, job.attempt) = (Status::Running, 1);
         job
