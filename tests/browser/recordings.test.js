@@ -71,7 +71,7 @@ test("saved image shows the canvas, and saved video is a WebM or MP4 file", asyn
   await page.waitForTimeout(4_000);
   const film = await downloadBy(page, "#save-webm");
   assert.ok(film.bytes.length > 10_000, `${film.bytes.length} bytes`);
-  const player = await page.context().newPage();
+  const player = await served.browser.newPage();
   const source = `data:video/${film.name.split(".").pop()};base64,${film.bytes.toString("base64")}`;
   const played = await player.evaluate(async (source) => {
     const video = Object.assign(document.createElement("video"), { src: source, muted: true });
