@@ -150,6 +150,12 @@ impl Scene {
         (fingers, palm)
     }
 
+    /// Number of fingers in contact with the object.
+    pub fn num_finger_contacts(&self) -> usize {
+        let (fingers, _) = self.hand_contacts();
+        fingers.into_iter().filter(|touches| *touches).count()
+    }
+
     /// Number of physics steps so far.
     pub fn steps(&self) -> u64 {
         self.steps

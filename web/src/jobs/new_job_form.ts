@@ -57,6 +57,7 @@ export class NewJobForm implements View {
       this.#kinds,
       h("label", { class: "line" }, h("span", {}, FORM.name), this.#name),
       this.#fields,
+      h("p", { class: "hint" }, FORM.required),
       this.#estimate,
       this.#error,
       h("div", { class: "actions" }, submit, copy),

@@ -56,6 +56,7 @@ impl AttemptState {
         }
         if let Some(hold) = &mut self.hold_monitor {
             hold.update(&self.scene);
+            self.contact_history.add_finger_contacts(self.scene.num_finger_contacts());
         }
     }
 
@@ -72,6 +73,7 @@ impl AttemptState {
     /// Starts the lift. The hold criterion refers to the current pose of the object in the palm.
     pub(crate) fn enter_lift(&mut self) {
         self.hold_monitor = Some(HoldMonitor::new(&self.scene));
+        self.contact_history.add_finger_contacts(self.scene.num_finger_contacts());
         self.clock.enter(Phase::Lift);
     }
 
@@ -112,8 +114,8 @@ impl AttemptState {
 
     /// Measurements of the object now.
     fn measure(&self) -> Evidence {
-        let (fingers, palm) = self.scene.hand_contacts();
-        let fingers = fingers.into_iter().filter(|touches| *touches).count();
+        let fingers = self.scene.num_finger_contacts();
+        let (_, palm) = self.scene.hand_contacts();
         let slip = self.hold_monitor.as_ref().map(Slip::from);
         let (height, pose) = (self.scene.object_height(), self.scene.object_pose());
         self.contact_history.evidence(&pose, height, slip).with_contacts(

@@ -21,12 +21,14 @@ pub(crate) struct ContactHistory {
     max_height: f32,
     /// Whether arm or hand touched the object during the approach.
     was_touched: bool,
+    /// Max number of fingers in contact with the object since the start of the lift.
+    max_fingers: usize,
 }
 
 impl ContactHistory {
     /// No motion and no contact yet.
     pub(crate) fn new(start_position: Vec3) -> Self {
-        Self { start_position, max_height: 0.0, was_touched: false }
+        Self { start_position, max_height: 0.0, was_touched: false, max_fingers: 0 }
     }
 
     /// Adds the height (m) of the object above the table at one tick.
@@ -37,6 +39,11 @@ impl ContactHistory {
     /// Adds one tick of the approach: whether arm or hand touch the object.
     pub(crate) fn add_approach_contact(&mut self, is_touched: bool) {
         self.was_touched |= is_touched;
+    }
+
+    /// Adds the number of fingers in contact with the object at one tick of lift or hold.
+    pub(crate) fn add_finger_contacts(&mut self, fingers: usize) {
+        self.max_fingers = self.max_fingers.max(fingers);
     }
 
     /// Failure of an approach with the object now at `position` (m); `None` if the object has not moved.
@@ -69,6 +76,7 @@ impl ContactHistory {
         let cos = (pose.rotation * Vec3::Z).z.clamp(-1.0, 1.0);
         Evidence {
             fingers: 0,
+            max_fingers: self.max_fingers,
             palm: false,
             arm: false,
             table: false,
@@ -93,7 +101,7 @@ mod tests {
     #[test]
     fn failure_reason_follows_object_motion() {
         let reason = |highest, x, z, failure| {
-            ContactHistory { start_position: Vec3::ZERO, max_height: highest, was_touched: true }
+            ContactHistory { max_height: highest, ..ContactHistory::new(Vec3::ZERO) }
                 .hold_failure(Vec3::new(x, 0.0, z), failure)
         };
         assert_eq!(reason(0.0, 0.01, 0.0, HoldFailure::TooLow), FailureReason::Missed);
@@ -110,11 +118,14 @@ mod tests {
         let mut history = ContactHistory::new(Vec3::new(0.5, 0.1, 0.0));
         history.add_height(0.02);
         history.add_height(0.01);
+        for fingers in [2, 3, 0] {
+            history.add_finger_contacts(fingers);
+        }
         let tilted = Pose::new(Vec3::new(0.53, 0.14, 0.2), Vec3::new(0.0, 0.3, 0.0));
         let found = history.evidence(&tilted, 0.01, None);
         assert!((found.displacement - 0.05).abs() < 1e-6, "{}", found.displacement);
         assert!((found.tilt - 0.3).abs() < 1e-3, "{}", found.tilt);
-        assert_eq!((found.height, found.max_height), (0.01, 0.02));
+        assert_eq!((found.height, found.max_height, found.max_fingers), (0.01, 0.02, 3));
     }
 
     #[test]

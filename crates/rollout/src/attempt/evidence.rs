@@ -12,6 +12,8 @@ use scene::{ContactState, HoldMonitor};
 pub struct Evidence {
     /// Number of fingers in contact with the object.
     pub fingers: usize,
+    /// Max of that number since the start of the lift; 0 before it.
+    pub max_fingers: usize,
     /// Whether the palm touches the object.
     pub palm: bool,
     /// Whether an arm link touches the object.
@@ -51,11 +53,12 @@ impl Evidence {
         Self { fingers, palm, arm: others.arm, table: others.table, ..self }
     }
 
-    /// Description of the outcome. An object that was not raised is either in the fingers or beyond them.
+    /// Description of the outcome. An object that was not raised has slipped out of the fingers, or they have
+    /// missed it.
     pub fn describe(&self, outcome: Outcome) -> &'static str {
         match outcome {
-            Outcome::Failed { reason: FailureReason::Missed } if self.fingers > 0 => {
-                "Not raised: the fingers touch the object, but it slid or tilted instead of rising."
+            Outcome::Failed { reason: FailureReason::Missed } if self.max_fingers > 0 => {
+                "Slipped early: the fingers touched the object during the lift, but did not raise it by 3 cm."
             }
             _ => outcome.description(),
         }
@@ -77,8 +80,9 @@ impl Evidence {
             ),
         };
         format!(
-            "Contacts: {}. {hold} Moved {} cm sideways, tilted {}°.",
+            "Contacts: {}{}. {hold} Moved {} cm sideways, tilted {}°.",
             self.contacts(),
+            self.lost_contacts(),
             centimetres(self.displacement),
             degrees(self.tilt)
         )
@@ -96,6 +100,15 @@ impl Evidence {
             .filter_map(|(touches, name)| touches.then(|| name.to_owned()));
         let names: Vec<String> = fingers.into_iter().chain(others).collect();
         if names.is_empty() { "none".into() } else { names.join(", ") }
+    }
+
+    /// Fingers that have lost the object since the start of the lift.
+    fn lost_contacts(&self) -> String {
+        match self.max_fingers {
+            max if max <= self.fingers => String::new(),
+            1 => " (1 finger during the lift)".into(),
+            max => format!(" (up to {max} fingers during the lift)"),
+        }
     }
 }
 
@@ -118,6 +131,7 @@ mod tests {
     /// An object at rest on the table, without contact to the robot, before the lift.
     const ON_TABLE: Evidence = Evidence {
         fingers: 0,
+        max_fingers: 0,
         palm: false,
         arm: false,
         table: true,
@@ -138,6 +152,7 @@ mod tests {
         let slip = Some(Slip { distance: 0.0412, rotation: 0.6 });
         let slipped = Evidence {
             fingers: 3,
+            max_fingers: 3,
             palm: true,
             table: false,
             slip,
@@ -163,14 +178,17 @@ mod tests {
         assert_eq!(contacts(0, false, false, false), "none");
         assert_eq!(contacts(1, false, false, false), "1 finger");
         assert_eq!(contacts(4, false, true, true), "4 fingers, arm, table");
+        let lost = |max_fingers| Evidence { fingers: 1, max_fingers, ..ON_TABLE }.lost_contacts();
+        assert_eq!((lost(1).as_str(), lost(3).as_str()), ("", " (up to 3 fingers during the lift)"));
     }
 
     #[test]
     fn object_that_was_not_raised_is_described_by_its_contacts() {
         let missed = Outcome::Failed { reason: FailureReason::Missed };
         assert!(ON_TABLE.describe(missed).starts_with("Missed: "));
-        let gripped = Evidence { fingers: 2, ..ON_TABLE };
-        assert!(gripped.describe(missed).starts_with("Not raised: the fingers touch"));
+        // The fingers have lost the object before the outcome.
+        let gripped = Evidence { max_fingers: 2, ..ON_TABLE };
+        assert!(gripped.describe(missed).starts_with("Slipped early: the fingers touched"));
         let slipped = Outcome::Failed { reason: FailureReason::Slipped };
         assert_eq!(gripped.describe(slipped), slipped.description());
     }
