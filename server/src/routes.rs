@@ -11,6 +11,7 @@ mod job_request;
 mod job_request_schema;
 mod jobs;
 mod meshes;
+mod metric_cache;
 mod metric_table;
 mod metrics;
 mod model_archives;
@@ -22,6 +23,8 @@ mod schemas;
 mod static_files;
 mod system;
 mod unique_json;
+
+pub(crate) use metric_cache::MetricCache;
 
 use crate::extract::MAX_BODY;
 use crate::jobs::scheduler::JobScheduler;

@@ -5,6 +5,7 @@ use crate::metrics::Metrics;
 use crate::middleware::access::Access;
 use crate::middleware::auth::WriteRateLimiter;
 use crate::quotas::{Quotas, SpaceReservations};
+use crate::routes::MetricCache;
 use axum::http::HeaderValue;
 use std::collections::HashMap;
 use std::io;
@@ -40,6 +41,8 @@ pub struct AppState {
     pub(crate) mesh_locks: Arc<MeshLocks>,
     /// Prometheus metrics.
     pub(crate) metrics: Arc<Metrics>,
+    /// Metric tables of recently requested jobs.
+    pub(crate) metric_cache: Arc<MetricCache>,
     /// Becomes true when the server shuts down.
     shutdown: tokio::sync::watch::Receiver<bool>,
 }
@@ -93,6 +96,7 @@ impl AppState {
             write_rate: Arc::new(WriteRateLimiter::new(&Quotas::default())),
             mesh_locks: Arc::default(),
             metrics: Arc::new(Metrics::new()),
+            metric_cache: Arc::default(),
             shutdown: tokio::sync::watch::channel(false).1,
         }
     }

@@ -1,14 +1,13 @@
 //! Metrics of a job as a table: JSON, CSV or NDJSON.
 
 use super::jobs::find_job;
-use super::metric_table::MetricTable;
+use super::metric_table::Selection;
 use super::{RequireScheduler, schemas};
-use crate::Problem;
 use crate::extract::{Path, Query};
-use crate::jobs::Job;
 use crate::jobs::scheduler::JobScheduler;
-use crate::store::MIN_CHUNK_EVENTS;
+use crate::{AppState, Problem};
 use axum::Json;
+use axum::extract::State;
 use axum::http::header;
 use axum::response::{IntoResponse, Response};
 use std::collections::BTreeMap;
@@ -32,6 +31,7 @@ const MAX_POINTS: usize = 100_000;
     )),
 )]
 pub(crate) async fn metrics(
+    State(state): State<AppState>,
     RequireScheduler(scheduler): RequireScheduler,
     Path(id): Path<String>,
     Query(query): Query<BTreeMap<String, String>>,
@@ -41,51 +41,38 @@ pub(crate) async fn metrics(
         text.parse().map_err(|_| Problem::invalid_parameter(name, "must be a non-negative integer"))
     };
     let job = find_job(&scheduler, &id).await?;
-    let (after, points) = (integer("after_step", 0)?, integer("max_points", DEFAULT_POINTS)?);
-    let is_requested =
-        |name: &str| query.get("keys").is_none_or(|keys| keys.split(',').any(|key| key == name));
-    let table = load_table(&scheduler, &job, after as u64, is_requested).await?;
-    let rows = table.downsample_min_max(points.min(MAX_POINTS));
+    let points = integer("max_points", DEFAULT_POINTS)?.min(MAX_POINTS);
+    let selection = Selection {
+        after_step: integer("after_step", 0)? as u64,
+        max_points: points,
+        keys: query.get("keys").cloned(),
+    };
+    let shared = state.metric_cache.table(&id);
+    let mut cached = shared.lock().await;
+    if cached.update(&scheduler.store, &job).await? {
+        store_as_columns(scheduler.clone(), id);
+    }
+    let rows = cached.rows(&selection);
+    let table = &cached.table;
     match query.get("format").map(String::as_str) {
-        None | Some("json") => Ok(Json(table.columns(&rows)).into_response()),
+        None | Some("json") => Ok(Json(table.columns(&selection, &rows)).into_response()),
         Some("ndjson") => {
-            let text = table.ndjson(&rows);
+            let text = table.ndjson(&selection, &rows);
             Ok(([(header::CONTENT_TYPE, "application/x-ndjson")], text).into_response())
         }
         Some("csv") => {
-            let text = table.csv(&rows);
+            let text = table.csv(&selection, &rows);
             Ok(([(header::CONTENT_TYPE, "text/csv; charset=utf-8")], text).into_response())
         }
         Some(_) => Err(Problem::invalid_parameter("format", "must be json, csv or ndjson")),
     }
 }
 
-/// Loads the metrics of a job after a step; 0 loads all.
-async fn load_table(
-    scheduler: &Arc<JobScheduler>,
-    job: &Job,
-    after: u64,
-    is_requested: impl Fn(&str) -> bool,
-) -> Result<MetricTable, Problem> {
-    let started = job.started_at.unwrap_or(job.created_at);
-    let (mut table, mut last, mut unstored) = (MetricTable::default(), 0, 0);
-    loop {
-        let chunks = scheduler.store.metrics(&job.id, last).await?;
-        let Some(newest) = chunks.last() else { break };
-        last = newest.last_seq;
-        for chunk in &chunks {
-            table.add(chunk, started, after, &is_requested);
-            unstored += if chunk.is_stored { 0 } else { chunk.steps.len() };
+/// Stores the metrics of a job as columns, in the background.
+fn store_as_columns(scheduler: Arc<JobScheduler>, job: String) {
+    tokio::spawn(async move {
+        if let Err(error) = scheduler.store.copy_metrics(&job).await {
+            tracing::warn!(job, %error, "cannot store the metrics as columns");
         }
-    }
-    // Events of versions without chunks; the first request is slow.
-    if unstored as i64 >= MIN_CHUNK_EVENTS {
-        let (scheduler, id) = (scheduler.clone(), job.id.clone());
-        tokio::spawn(async move {
-            if let Err(error) = scheduler.store.copy_metrics(&id).await {
-                tracing::warn!(job = id, %error, "cannot store the metrics as columns");
-            }
-        });
-    }
-    Ok(table)
+    });
 }

@@ -32,12 +32,12 @@ impl Filter {
         let (mut conditions, mut values) = (vec!["jobs.status <> ?".to_owned()], vec![DAMAGED]);
         let mut metadata = self.metadata.iter();
         let source = match metadata.next() {
-            None => "jobs",
+            None => "jobs INDEXED BY jobs_by_id",
             Some((key, value)) => {
                 conditions.push("first.key = ? AND first.value = ?".into());
                 values.extend([key.as_str(), value.as_str()]);
                 // SQLite does not reorder the tables of a CROSS JOIN.
-                "job_metadata AS first CROSS JOIN jobs ON jobs.id = first.job"
+                "job_metadata AS first CROSS JOIN jobs INDEXED BY jobs_by_id ON jobs.id = first.job"
             }
         };
         let id = if self.metadata.is_empty() { "jobs.id" } else { "first.job" };

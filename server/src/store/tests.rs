@@ -61,15 +61,17 @@ async fn server() -> (Router, std::sync::Arc<JobScheduler>, tempfile::TempDir) {
 
 /// The shortest of five durations of a GET request, and its response. Other tests run at the same time.
 async fn timed(app: &Router, path: &str) -> (Duration, Value) {
-    let mut shortest = Duration::MAX;
+    let (mut shortest, mut durations) = (Duration::MAX, Vec::new());
     let mut bytes = Default::default();
     for _ in 0..5 {
         let start = Instant::now();
         let request = Request::get(format!("/api/v1{path}")).body(Body::empty()).unwrap();
         let response = app.clone().oneshot(request).await.unwrap();
         bytes = response.into_body().collect().await.unwrap().to_bytes();
+        durations.push(start.elapsed());
         shortest = shortest.min(start.elapsed());
     }
+    println!("{path}: {durations:?}");
     (shortest, serde_json::from_slice(&bytes).unwrap())
 }
 
@@ -95,9 +97,9 @@ async fn metrics_of_a_long_training_are_read_within_50_ms() {
         scheduler.store.update(&job.id, append).await.unwrap().unwrap().unwrap();
     }
     let (duration, metrics) = timed(&app, &format!("/jobs/{}/metrics", job.id)).await;
-    println!("metrics of 200,000 events: {duration:?}");
     let steps = metrics["step"].as_array().unwrap();
-    assert!((500..=1100).contains(&steps.len()), "{}", steps.len());
+    // Up to 1000; one row can be the extreme of several columns.
+    assert!((300..=1000).contains(&steps.len()), "{}", steps.len());
     let peak = steps.iter().position(|step| step == 123_457).expect("the peak is kept");
     assert_eq!(metrics["loss"][peak], 9);
     assert!(duration <= Duration::from_millis(50), "{duration:?}");
@@ -138,6 +140,7 @@ async fn filtered_lists_of_10000_jobs_are_read_within_10_ms() {
         ("", 20),
         ("?limit=100", 100),
         ("?status=failed", 10),
+        ("?status=succeeded", 20),
         ("?status=failed,cancelled&kind=mesh.prepare&limit=100", 10),
         ("?kind=dataset.generate", 0),
         ("?metadata[of]=rare", 10),
@@ -146,7 +149,6 @@ async fn filtered_lists_of_10000_jobs_are_read_within_10_ms() {
         ("?metadata[of]=absent", 0),
     ] {
         let (duration, jobs) = timed(&app, &format!("/jobs{query}")).await;
-        println!("{query}: {duration:?}");
         assert_eq!(jobs["data"].as_array().unwrap().len(), count, "{query}");
         assert!(duration <= Duration::from_millis(10), "{query}: {duration:?}");
     }
