@@ -6,7 +6,7 @@
 //! | whose client does not read the response | [`WRITE_TIMEOUT`] after the last accepted byte |
 //! | that is idle for the longest time | when a new one exceeds the maximum number |
 //!
-//! Bodies have their own limits. Event streams and requests that wait for a change are exempt.
+//! Bodies have their own limits. If none is idle, the connection with the longest request is closed. Event streams and requests that wait for a change are exempt.
 
 mod registry;
 mod tracked_body;
@@ -69,7 +69,7 @@ pub async fn serve(
             Err(error) if is_of_client(&error) => {}
             Err(error) => {
                 registry.log_failure(&error);
-                registry.close_longest_idle();
+                registry.close_longest_idle(Duration::ZERO);
                 tokio::time::sleep(ACCEPT_RETRY).await;
             }
         }

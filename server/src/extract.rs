@@ -22,7 +22,7 @@ pub(crate) const MAX_BODY: usize = 4 << 20;
 
 /// Time in which the whole body must arrive. Limits slow bodies; stalled bodies end after the shorter idle
 /// timeout.
-const BODY_TIMEOUT: Duration = Duration::from_secs(60);
+const BODY_TIMEOUT: Duration = Duration::from_secs(45);
 
 impl<S: Send + Sync> FromRequest<S> for FullBody {
     type Rejection = Problem;

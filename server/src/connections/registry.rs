@@ -7,8 +7,12 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 use tokio::sync::{Notify, OwnedSemaphorePermit, Semaphore};
 
-/// A request that has run for less than this is not interrupted in favour of a new connection.
-const MIN_REQUEST_TIME: Duration = Duration::from_secs(10);
+/// Most requests end within this time: a longer one, such as a slow upload, is interrupted for a new connection at
+/// once, others after [`SHORT_WAIT`].
+const SHORT_REQUEST: Duration = Duration::from_secs(1);
+
+/// Time that a new connection waits for short requests to end.
+const SHORT_WAIT: Duration = Duration::from_millis(10);
 
 /// Time that a new connection waits for another one to close.
 const ADMISSION_TIMEOUT: Duration = Duration::from_millis(200);
@@ -92,17 +96,7 @@ impl Registry {
     pub(super) async fn admit(self: &Arc<Self>) -> Option<Connection> {
         let permit = match self.permits.clone().try_acquire_owned() {
             Ok(permit) => permit,
-            Err(_) => {
-                self.close_longest_idle();
-                let permit = self.permits.clone().acquire_owned();
-                match tokio::time::timeout(ADMISSION_TIMEOUT, permit).await {
-                    Ok(Ok(permit)) => permit,
-                    _ => {
-                        self.log_failure(&io::Error::other("all connections are active"));
-                        return None;
-                    }
-                }
-            }
+            Err(_) => self.permit_of_another().await?,
         };
         let id = self.next_id.fetch_add(1, Ordering::Relaxed);
         let handle = Arc::new(Handle {
@@ -114,24 +108,43 @@ impl Registry {
         Some(Connection { id, handle, _permit: permit })
     }
 
-    /// Closes the connection that is idle for the longest time; if none is idle, the one with the longest
-    /// request. Long-lived requests are not interrupted.
-    pub(super) fn close_longest_idle(&self) {
+    /// Closes a connection and takes its place; `None` if all serve long-lived requests.
+    async fn permit_of_another(&self) -> Option<OwnedSemaphorePermit> {
+        let within = async |time| {
+            let permit = tokio::time::timeout(time, self.permits.clone().acquire_owned()).await;
+            permit.ok().and_then(Result::ok)
+        };
+        if !self.close_longest_idle(SHORT_REQUEST) {
+            if let Some(permit) = within(SHORT_WAIT).await {
+                return Some(permit);
+            }
+            self.close_longest_idle(Duration::ZERO);
+        }
+        let permit = within(ADMISSION_TIMEOUT).await;
+        if permit.is_none() {
+            self.log_failure(&io::Error::other("all connections are active"));
+        }
+        permit
+    }
+
+    /// Closes the connection that is idle for the longest time; if none is idle, the one with the longest request
+    /// of at least this time. Long-lived requests are not interrupted. Returns whether one is closed.
+    pub(super) fn close_longest_idle(&self, min_request: Duration) -> bool {
         let now = Instant::now();
         let open = lock(&self.open);
         let closable = open.values().filter_map(|handle| {
             let order = match *lock(&handle.activity) {
                 Activity::Idle(since) => (0, since),
-                Activity::Request(since) if now - since >= MIN_REQUEST_TIME => (1, since),
+                Activity::Request(since) if now - since >= min_request => (1, since),
                 _ => return None,
             };
             Some((order, handle))
         });
-        if let Some((_, handle)) = closable.min_by_key(|(order, _)| *order) {
-            // Not selected again before it has closed.
-            *lock(&handle.activity) = Activity::LongLived;
-            handle.close.notify_one();
-        }
+        let Some((_, handle)) = closable.min_by_key(|(order, _)| *order) else { return false };
+        // Not selected again before it has closed.
+        *lock(&handle.activity) = Activity::LongLived;
+        handle.close.notify_one();
+        true
     }
 
     /// Resolves when all connections are closed.
@@ -224,11 +237,16 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn new_connection_is_rejected_when_all_are_active() {
+    async fn longest_request_is_interrupted_when_none_is_idle() {
         let registry = Arc::new(Registry::new(2));
         let [first, second] = [registry.admit().await, registry.admit().await].map(Option::unwrap);
-        let _requests = [&first, &second].map(|one| one.handle().begin_request(false).unwrap());
-        assert!(registry.admit().await.is_none());
+        let requests = [&first, &second].map(|one| one.handle().begin_request(false).unwrap());
+        let (admitted, ()) = tokio::join!(registry.admit(), async {
+            first.closed().await;
+            drop(first);
+        });
+        assert!(admitted.is_some() && !is_closed(&second).await);
+        drop(requests);
     }
 
     #[tokio::test]

@@ -13,7 +13,7 @@ pub(crate) struct Access {
     token: Option<Token>,
     /// Whether read requests also need the token.
     reads_need_token: bool,
-    /// Host names of the server, beside its addresses.
+    /// Host names of the server, in addition to its addresses.
     host_names: Vec<String>,
     /// Addresses of proxies whose `X-Forwarded-*` headers are used.
     trusted_proxies: Vec<IpAddr>,

@@ -16,7 +16,7 @@ use futures_util::StreamExt;
 use mesh::{MeshOptions, MeshSummary, Unit, UpAxis};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use tempfile::NamedTempFile;
 use tokio::io::AsyncWriteExt;
 use utoipa::ToSchema;
@@ -162,6 +162,7 @@ async fn receive(
     request: Request,
     upload: &NamedTempFile,
 ) -> Result<String, Problem> {
+    let started = Instant::now();
     let unwritable = |error: std::io::Error| Problem::file_unreadable(&error);
     let mut file = tokio::fs::File::from_std(upload.reopen().map_err(unwritable)?);
     // The body is not `Sync`, so no reference to the request is held across an await.
@@ -197,6 +198,7 @@ async fn receive(
         let mut received = 0;
         while let Some(chunk) = field.chunk().await.map_err(form_error)? {
             received = checked_len(received, chunk.len())?;
+            check_rate(started, received)?;
             file.write_all(&chunk).await.map_err(unwritable)?;
         }
         given_name.unwrap_or(name)
@@ -206,6 +208,7 @@ async fn receive(
         while let Some(chunk) = body.next().await {
             let chunk = chunk.map_err(|error| Problem::incomplete_body(&error.to_string()))?;
             received = checked_len(received, chunk.len())?;
+            check_rate(started, received)?;
             file.write_all(&chunk).await.map_err(unwritable)?;
         }
         given_name.unwrap_or_else(|| "mesh".into())
@@ -229,6 +232,18 @@ fn checked_len(received: usize, additional: usize) -> Result<usize, Problem> {
     Some(received + additional)
         .filter(|total| *total <= MAX_MESH_BYTES)
         .ok_or_else(|| Problem::body_too_large(MAX_MESH_BYTES))
+}
+
+/// Time after which the rate of an upload is checked, as for any other body.
+const RATE_GRACE: Duration = Duration::from_secs(30);
+
+/// Minimum mean rate of an upload after this time (bytes/s).
+const MIN_RATE: f64 = 20_000.0;
+
+/// Rejects an upload that keeps its connection busy with single bytes.
+fn check_rate(started: Instant, received: usize) -> Result<(), Problem> {
+    let needed = RATE_GRACE + Duration::from_secs_f64(received as f64 / MIN_RATE);
+    if started.elapsed() <= needed { Ok(()) } else { Err(Problem::request_timeout(needed)) }
 }
 
 /// File name without folders and control characters; `mesh` if nothing remains.
@@ -307,6 +322,14 @@ pub(crate) async fn delete(
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn upload_of_single_bytes_is_rejected_after_30_seconds() {
+        let before = |seconds| Instant::now().checked_sub(Duration::from_secs(seconds)).unwrap();
+        assert!(check_rate(before(29), 5).is_ok());
+        assert!(check_rate(before(31), 5).is_err());
+        assert!(check_rate(before(100), 2_000_000).is_ok());
+    }
 
     #[test]
     fn file_name_is_stripped_of_folders_and_control_characters() {

@@ -1,6 +1,6 @@
 //! Limits of connections, on a socket.
 
-use crate::test_state;
+use crate::{state_with_scheduler, test_state};
 use server::{app, serve};
 use std::time::{Duration, Instant};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
@@ -14,7 +14,10 @@ async fn start(folder: &std::path::Path) -> (std::net::SocketAddr, watch::Sender
     let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
     let address = listener.local_addr().unwrap();
     let (stop, stopping) = watch::channel(false);
-    tokio::spawn(serve(listener, app(test_state(folder).await), MAX_CONNECTIONS, stopping));
+    let (state, scheduler) = state_with_scheduler(folder, "ngf".into(), 0).await;
+    // Streams end when the switch is dropped.
+    let state = state.with_scheduler(scheduler, stopping.clone());
+    tokio::spawn(serve(listener, app(state), MAX_CONNECTIONS, stopping));
     (address, stop)
 }
 
