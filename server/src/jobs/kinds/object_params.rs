@@ -31,9 +31,11 @@ pub(crate) struct ObjectParams {
     pub(crate) mesh_id: Option<String>,
     /// Mass of the mesh (kg).
     #[serde(default)]
+    #[schema(minimum = 0.001, maximum = 100.0)]
     pub(crate) mass_kg: Option<f64>,
     /// Density of the mesh (kg/m³), as an alternative to its mass.
     #[serde(default)]
+    #[schema(minimum = 1.0, maximum = 23000.0)]
     pub(crate) density_kg_m3: Option<f64>,
     /// Unit of the mesh: `m`, `cm`, `mm` or `in`; by default that of the format, or the one that suits the size.
     #[serde(default)]
