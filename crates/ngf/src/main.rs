@@ -11,6 +11,11 @@ use clap::{Parser, Subcommand};
 use std::ffi::OsString;
 use std::process::ExitCode;
 
+/// Returns memory to the system. After four meshes of 20 MB and 800 streams, the idle server needs 29 MB; with the
+/// allocator of glibc, 200 MB.
+#[global_allocator]
+static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
+
 /// Grasping with Neural Geometric Fabrics
 #[derive(Parser)]
 #[command(name = "ngf", version)]

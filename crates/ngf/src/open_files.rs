@@ -4,7 +4,7 @@
 #[cfg(unix)]
 const OPEN_FILES: u64 = 65_536;
 
-/// Number of connections if there is no limit of open files.
+/// Number of connections without a limit of open files.
 const MAX_CONNECTIONS: usize = 50_000;
 
 /// Minimum number of open files for the database, worker processes and downloads.

@@ -15,7 +15,7 @@ fn start(open_files: usize, data: &Path) -> Server {
     Server::spawn(shell.env("NGF_LOG", "warn"))
 }
 
-/// Permits this process so many open files; `false`, with a message, if the hard limit is lower.
+/// Permits this process this number of open files; `false`, with a message, if the hard limit is lower.
 fn raise_own_limit(open_files: u64) -> bool {
     use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
     let limit = getrlimit(Resource::Nofile);

@@ -248,6 +248,39 @@ fn ten_thousand_small_uploads_are_accepted() {
     assert!(after < 2 * before, "{before} {after}");
 }
 
+/// Binary STL file with separate triangles.
+fn loose_triangles(count: u32, offset: f32) -> Vec<u8> {
+    let mut stl = vec![0; 80];
+    stl.extend(count.to_le_bytes());
+    for number in 0..count {
+        let [x, y, z] =
+            [number % 100, number / 100 % 100, number / 10_000].map(|n| n as f32 + offset);
+        let corners = [[0.0, 0.0, 1.0], [x, y, z], [x + 0.5, y, z], [x, y + 0.5, z + 0.1]];
+        stl.extend(corners.as_flattened().iter().flat_map(|value| value.to_le_bytes()));
+        stl.extend([0, 0]);
+    }
+    stl
+}
+
+#[test]
+#[ignore = "half a minute: cargo xtask stress"]
+fn memory_is_returned_after_large_uploads() {
+    let folder = tempfile::tempdir().unwrap();
+    let server = Server::start(&folder.path().join("data"));
+    let before = resident(server.pid());
+    std::thread::scope(|scope| {
+        for number in 0..4_u8 {
+            let url = format!("{}/api/v1/meshes", server.url);
+            let mesh = loose_triangles(400_000, 0.01 * f32::from(number));
+            scope.spawn(move || assert_eq!(ureq::post(url).send(&mesh).unwrap().status(), 201));
+        }
+    });
+    std::thread::sleep(Duration::from_secs(20));
+    let after = resident(server.pid());
+    println!("memory: {} MB, after four meshes of 20 MB {} MB", before >> 20, after >> 20);
+    assert!(after < before + 60_000_000, "{before} {after}");
+}
+
 #[test]
 #[ignore = "half a minute: cargo xtask stress"]
 fn stalled_request_bodies_time_out() {
