@@ -128,16 +128,19 @@ function zip(files) {
   const list = [];
   let at = 0;
   for (const [name, text] of Object.entries(files)) {
-    const packed = deflateRawSync(Buffer.from(text));
+    const content = Buffer.from(text);
+    const packed = deflateRawSync(content);
     const local = Buffer.alloc(30);
     local.writeUInt32LE(0x04034b50, 0);
     local.writeUInt16LE(8, 8);
     local.writeUInt32LE(packed.length, 18);
+    local.writeUInt32LE(content.length, 22);
     local.writeUInt16LE(name.length, 26);
     const entry = Buffer.alloc(46);
     entry.writeUInt32LE(0x02014b50, 0);
     entry.writeUInt16LE(8, 10);
     entry.writeUInt32LE(packed.length, 20);
+    entry.writeUInt32LE(content.length, 24);
     entry.writeUInt16LE(name.length, 28);
     entry.writeUInt32LE(at, 42);
     parts.push(local, Buffer.from(name), packed);
@@ -146,6 +149,7 @@ function zip(files) {
   }
   const end = Buffer.alloc(22);
   end.writeUInt32LE(0x06054b50, 0);
+  end.writeUInt16LE(Object.keys(files).length, 8);
   end.writeUInt16LE(Object.keys(files).length, 10);
   end.writeUInt32LE(Buffer.concat(list).length, 12);
   end.writeUInt32LE(at, 16);
@@ -168,12 +172,15 @@ test("several files, ZIP archives and pasted files are imported", async () => {
   await page.setInputFiles("#file", file("meshes.zip", archive));
   await shown("three.obj");
   await page.waitForFunction(() => document.getElementById("info-size").textContent === "4.0 × 6.0 × 7.0 cm");
-  // The directory offset is beyond the end of the file.
-  const truncated = Buffer.from(archive);
-  truncated.writeUInt32LE(truncated.length, truncated.length - 6);
+  const encrypted = Buffer.from(archive);
+  encrypted.writeUInt16LE(1, encrypted.indexOf("PK\x01\x02") + 8);
+  // The number of files is too large.
+  const damaged = Buffer.from(archive);
+  damaged.writeUInt16LE(9, damaged.length - 12);
   for (const [name, bytes, message] of [
-    ["cut.zip", archive.subarray(0, 100), /no end record/],
-    ["short.zip", truncated, /data is missing/],
+    ["cut.zip", archive.subarray(0, 100), /cannot be opened: End of central directory not found/],
+    ["encrypted.zip", encrypted, /is encrypted/],
+    ["damaged.zip", damaged, /cannot be opened/],
     ["letters.zip", zip({ "letter.txt": "Dear reader" }), /contains no OBJ/],
     ["bomb.zip", zip({ "bomb.obj": Buffer.alloc(260e6) }), /larger than 250 MB/],
   ]) {
@@ -192,6 +199,43 @@ test("several files, ZIP archives and pasted files are imported", async () => {
   await page.waitForSelector('.failure:has-text("bad.obj")');
   await shown("pasted.obj");
   assert.equal(await page.locator("#objects [value='file:bad.obj']").count(), 0);
+  assert.deepEqual(errors, []);
+  await page.close();
+});
+
+test("glTF is imported with its buffers from other files and from a ZIP archive", async () => {
+  const { page, errors } = await visit(served);
+  await untilReady(page);
+  const { buffers, ...scene } = JSON.parse(gltf());
+  const bytes = Buffer.from(buffers[0].uri.split(",")[1], "base64");
+  const json = JSON.stringify({ ...scene, buffers: [{ byteLength: bytes.length, uri: "my%20data.bin" }] });
+  const isShown = (name) => page.waitForSelector(`#objects [value='file:${name}']:checked`);
+  await page.setInputFiles("#file", [file("split.gltf", json), file("my data.bin", bytes)]);
+  await isShown("split.gltf");
+  await page.waitForFunction(() => document.getElementById("info-size").textContent === "4.0 × 6.0 × 12.0 cm");
+  await page.setInputFiles("#file", file("packed.zip", zip({ "._scene.gltf": "x", "scene.gltf": json, "my data.bin": bytes })));
+  await isShown("scene.gltf");
+  assert.equal(await page.locator(".failure").count(), 0);
+  await page.setInputFiles("#file", file("alone.gltf", json));
+  const card = await page.waitForSelector('.failure:has-text("alone.gltf")');
+  assert.match(await card.textContent(), /my%20data\.bin/);
+  assert.deepEqual(errors, []);
+  await page.close();
+});
+
+test("mesh of unit size asks for its size", async () => {
+  const { page, errors } = await visit(served);
+  await untilReady(page);
+  await page.setInputFiles("#file", file("unit.obj", BOX.replaceAll("120", "1").replaceAll("60", "0.5").replaceAll("40", "0.25")));
+  await page.waitForSelector('.failure[data-code="size_required"]');
+  await page.fill(".size-form input", "16");
+  await page.click(".size-form button");
+  await page.waitForFunction(() => document.getElementById("info-size").textContent === "4.0 × 8.0 × 16.0 cm");
+  assert.equal(await page.locator(".failure").count(), 0);
+  assert.equal(await page.inputValue("#longest-side"), "16.0");
+  await page.fill("#longest-side", "12");
+  await page.press("#longest-side", "Tab");
+  await page.waitForFunction(() => document.getElementById("info-size").textContent === "3.0 × 6.0 × 12.0 cm");
   assert.deepEqual(errors, []);
   await page.close();
 });
