@@ -178,7 +178,8 @@ fn evidence_measures_contacts_slip_and_height_at_the_outcome() {
     assert!(failed.table && failed.height < 0.01 && failed.max_height < 0.03, "{failed:?}");
     assert!(failed.slip.unwrap().distance > 0.1 && failed.max_fingers >= 2, "{failed:?}");
     let text = failed.explain(&context.robot.config.protocol);
-    assert!(text.contains("table. Slip in the hand: 1"), "{text}");
+    assert!(text.contains("Contacts: table (up to "), "{text}");
+    assert!(text.contains("fingers during the lift). Slip in the hand: 1"), "{text}");
 }
 
 #[test]

@@ -5,7 +5,8 @@ use scene::config::AttemptProtocol;
 
 /// The outcome in one sentence. After an intervention of the user, the sentence is about the user.
 pub(crate) fn headline(attempt: &Attempt, outcome: Outcome) -> &'static str {
-    let is_in_hand = attempt.evidence().is_none_or(|evidence| evidence.fingers > 0 || evidence.palm);
+    let is_in_hand =
+        attempt.evidence().is_none_or(|evidence| evidence.fingers > 0 || evidence.palm);
     match (attempt.was_disturbed(), outcome.is_lifted()) {
         (true, true) => "Lifted and held, but you moved the object: not counted.",
         (true, false) if is_in_hand => "You moved the object: not counted.",

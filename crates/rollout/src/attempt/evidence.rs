@@ -179,7 +179,10 @@ mod tests {
         assert_eq!(contacts(1, false, false, false), "1 finger");
         assert_eq!(contacts(4, false, true, true), "4 fingers, arm, table");
         let lost = |max_fingers| Evidence { fingers: 1, max_fingers, ..ON_TABLE }.lost_contacts();
-        assert_eq!((lost(1).as_str(), lost(3).as_str()), ("", " (up to 3 fingers during the lift)"));
+        assert_eq!(
+            (lost(1).as_str(), lost(3).as_str()),
+            ("", " (up to 3 fingers during the lift)")
+        );
     }
 
     #[test]
