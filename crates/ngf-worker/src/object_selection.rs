@@ -1,7 +1,7 @@
 //! List and contact sheet of the built-in objects, and selection of the object of a command.
 
 use crate::mesh_file::{MeshFile, MeshSizeOptions, import_error};
-use anyhow::{Context, Result, bail};
+use anyhow::{Result, bail};
 use mesh::{MeshOptions, SimplifyReport};
 use objects::catalog::CATALOG;
 use objects::import::{

@@ -124,7 +124,11 @@ mod tests {
         let (scene, config) = scene_after_one_tick(&at_the_fingertip());
         let hand = ContactState { hand: true, ..ContactState::default() };
         assert_eq!(scene.contact_state(), hand, "height {}", scene.object_height());
-        assert_eq!(scene.hand_contacts(), ([false, true, false, false], false), "the middle finger");
+        assert_eq!(
+            scene.hand_contacts(),
+            ([false, true, false, false], false),
+            "the middle finger"
+        );
         assert_eq!(HoldMonitor::new(&scene).failure(&scene, &config.protocol), None);
     }
 

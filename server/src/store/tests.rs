@@ -14,8 +14,8 @@ use std::time::{Duration, Instant};
 use tower::ServiceExt;
 
 fn job() -> Job {
-    let mut job =
-        Job::new(Params::MeshPrepare(MeshParams { mesh_id: "msh_1".into() }), Inputs::default());
+    let params = MeshParams { mesh_id: "msh_1".into(), ..MeshParams::default() };
+    let mut job = Job::new(Params::MeshPrepare(params), Inputs::default());
     job.metadata = json!({ "of": "test" }).as_object().cloned().unwrap();
     job
 }

@@ -100,10 +100,10 @@ async fn deleted_mesh_is_rejected_as_input() {
 async fn mesh_of_unit_size_requires_its_size() {
     let (app, _folder) = test_app().await;
     let unit_sized = TETRAHEDRON.replace("0.1", "1");
-    let response = send(&app, "POST", "/meshes", &unit_sized).await;
+    let response = send(&app, "POST", "/meshes", unit_sized.clone()).await;
     let problem = assert_problem(response, 422, "size_required").await;
     assert_eq!(problem["errors"][0]["param"], "size_m", "{problem}");
-    let mesh = send(&app, "POST", "/meshes?size_m=0.12&up=y", &unit_sized).await;
+    let mesh = send(&app, "POST", "/meshes?size_m=0.12&up=y", unit_sized.clone()).await;
     assert_eq!(mesh.status(), StatusCode::CREATED);
     let mesh = json_of(mesh).await;
     let height = mesh["summary"]["extent_m"][2].as_f64().unwrap();
