@@ -254,9 +254,9 @@ export class NewJobForm implements View {
 }
 
 // Card of a rejected parameter, in the words of the form. The hint is omitted: it refers to the API.
-function invalidInputCard({ errors = [], code, request_id }: Problem, inputs: ReadonlyMap<string, Field>): HTMLElement {
+function invalidInputCard({ errors, code, request_id }: Problem, inputs: ReadonlyMap<string, Field>): HTMLElement {
   const inForm = (name: string) => (inputs.has(name) ? parameterLabel(name) : name);
-  const sentences = errors.map(({ param, detail }) => {
+  const sentences = (errors ?? []).map(({ param, detail }) => {
     const name = param.split(".").pop()!;
     const text = detail.replace(`${param}: `, "").replaceAll(/\b[a-z0-9]+(_[a-z0-9]+)+\b/g, inForm);
     return `${parameterLabel(name)}: ${text}.`;
