@@ -48,7 +48,11 @@ export interface paths {
         /** Lists the datasets. */
         get: operations["datasets_list"];
         put?: never;
-        post?: never;
+        /**
+         * Imports a dataset from a tar archive.
+         * @description The archive contains the folder of a complete dataset. Its manifest and all rows are verified.
+         */
+        post: operations["datasets_import"];
         delete?: never;
         options?: never;
         head?: never;
@@ -68,6 +72,26 @@ export interface paths {
         post?: never;
         /** Deletes a dataset and its files; rejected while an unfinished job uses it. */
         delete: operations["datasets_delete"];
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/datasets/{id}/archive": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Downloads a dataset as a tar archive.
+         * @description The archive has the same bytes each time, so an interrupted download can be resumed with `Range`.
+         */
+        get: operations["datasets_archive"];
+        put?: never;
+        post?: never;
+        delete?: never;
         options?: never;
         head?: never;
         patch?: never;
@@ -110,6 +134,43 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/api/v1/datasets/{id}/files": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /** Lists the files of a dataset, the manifest first. */
+        get: operations["datasets_files"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/datasets/{id}/files/{path}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Downloads a file of a dataset.
+         * @description The ETag is the BLAKE3. Slashes in the path can be sent as `/` or as `%2F`.
+         */
+        get: operations["datasets_file"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/v1/jobs": {
         parameters: {
             query?: never;
@@ -139,7 +200,7 @@ export interface paths {
         get: operations["jobs_get"];
         put?: never;
         post?: never;
-        /** Deletes a finished job. */
+        /** Deletes a finished job, or one whose record is damaged. */
         delete: operations["jobs_delete"];
         options?: never;
         head?: never;
@@ -355,7 +416,11 @@ export interface paths {
         /** Lists the models: the built-in ones by id, then trained ones, newest first. */
         get: operations["models_list"];
         put?: never;
-        post?: never;
+        /**
+         * Imports a model from a tar archive of `GET /models/{id}/archive`.
+         * @description Sizes and hashes of all files are verified, and a policy is loaded.
+         */
+        post: operations["models_import"];
         delete?: never;
         options?: never;
         head?: never;
@@ -375,6 +440,26 @@ export interface paths {
         post?: never;
         /** Deletes a trained model, and its files that no other model uses. */
         delete: operations["models_delete"];
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/models/{id}/archive": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Downloads a model as a tar archive.
+         * @description The archive has the same bytes each time. Another server imports it with `POST /models`.
+         */
+        get: operations["models_archive"];
+        put?: never;
+        post?: never;
+        delete?: never;
         options?: never;
         head?: never;
         patch?: never;
@@ -478,7 +563,7 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        /** Readiness probe: 200 if the database responds. */
+        /** Readiness probe: 200 if the database can be written. */
         get: operations["system_ready"];
         put?: never;
         post?: never;
@@ -591,8 +676,8 @@ export interface components {
             hash: string;
             /** @description `ds_` and the first 16 digits of the hash. */
             id: string;
-            /** @description Id of the job that generated it. */
-            job: string;
+            /** @description Id of the job that generated it; null for an imported dataset. */
+            job?: string | null;
             /** @description Type of this object: always `dataset`. */
             object: string;
             /** @description By object: grasps, accepted demonstrations, and rejected ones by reason. */
@@ -600,8 +685,43 @@ export interface components {
                 [key: string]: unknown;
             };
         };
+        /** @description File of a dataset. */
+        DatasetFile: {
+            /** @description BLAKE3 (hex). */
+            blake3: string;
+            /** Format: int64 */
+            bytes: number;
+            /** @description Path in the folder of the dataset, separated by slashes. */
+            path: string;
+            url: string;
+        };
+        /** Generate dataset */
+        DatasetGenerateRequest: {
+            /**
+             * @description discriminator enum property added by openapi-typescript
+             * @enum {string}
+             */
+            kind: "dataset.generate";
+            /** @description Up to 16 text entries. */
+            metadata?: {
+                [key: string]: string;
+            } | null;
+            /** @description Display name. */
+            name?: string | null;
+            params?: components["schemas"]["DatasetParams"];
+            /**
+             * Format: int64
+             * @description Jobs with a higher priority start first.
+             */
+            priority?: number | null;
+        };
         /** @description Parameters of dataset generation. */
         DatasetParams: components["schemas"]["ObjectParams"] & {
+            /**
+             * @description Add the noisy cloud of the episode to each row, as column `observation.pointcloud` (6 kB per row before
+             *     compression).
+             */
+            point_clouds?: boolean;
             /**
              * @description Preset that sets the size of the dataset. `smoke`: less than a minute: the whole pipeline at toy size; `small`: minutes: two objects, 24 poses each, 32 demonstrations of each; `variants`: dataset of models/ycb-two: 220 poses each of a box in 2 shapes and a bottle in 8; `paper`: size used in the paper: K = 192 object poses, M = 256 demonstrations of each; `families`: training objects of all families, some in several shapes, 28 poses each.
              * @default small
@@ -644,6 +764,26 @@ export interface components {
         EncoderParams: components["schemas"]["TrainingParams"] & {
             /** @description Dataset that provides the point clouds. */
             dataset_id: string;
+        };
+        /** Train encoder */
+        EncoderTrainRequest: {
+            /**
+             * @description discriminator enum property added by openapi-typescript
+             * @enum {string}
+             */
+            kind: "encoder.train";
+            /** @description Up to 16 text entries. */
+            metadata?: {
+                [key: string]: string;
+            } | null;
+            /** @description Display name. */
+            name?: string | null;
+            params: components["schemas"]["EncoderParams"];
+            /**
+             * Format: int64
+             * @description Jobs with a higher priority start first.
+             */
+            priority?: number | null;
         };
         /** @description List entry of a demonstration in a dataset. */
         EpisodeSchema: {
@@ -728,8 +868,8 @@ export interface components {
             };
             /** Format: int64 */
             lifted: number;
-            /** @description Hash of the model's files. */
-            model_hash: string | null;
+            /** @description Hash of the model's files; null for the planner, which has none. */
+            model_hash?: string | null;
             /** @description Name of the object. */
             object: string;
             object_hash: string;
@@ -886,6 +1026,7 @@ export interface components {
             total: number;
             unit: string;
         };
+        /** @description Request that creates a job; `kind` selects the parameters. */
         JobRequest: components["schemas"]["DatasetGenerateRequest"] | components["schemas"]["EncoderTrainRequest"] | components["schemas"]["PolicyTrainRequest"] | components["schemas"]["PolicyEvaluateRequest"] | components["schemas"]["MeshPrepareRequest"];
         /**
          * @description Kind of a job; selects the worker command and the parameters.
@@ -911,6 +1052,8 @@ export interface components {
             name: string;
             /** @description Type of this object: always `mesh`. */
             object: string;
+            /** @description Whether the file does not tell the size: jobs with the mesh must give `size_m`, `unit` or `scale`. */
+            size_required: boolean;
             summary: components["schemas"]["MeshSummary"];
             urls: components["schemas"]["MeshUrls"];
         };
@@ -923,6 +1066,38 @@ export interface components {
         MeshParams: {
             /** @description Uploaded mesh. */
             mesh_id: string;
+            /**
+             * Format: float
+             * @description Factor on the coordinates of the mesh, in addition to its unit.
+             */
+            scale?: number | null;
+            /**
+             * Format: float
+             * @description Length of the longest side of the mesh (m), instead of unit and scale.
+             */
+            size_m?: number | null;
+            unit?: ("m" | "cm" | "mm" | "in") | null;
+            up?: ("x" | "y" | "z") | null;
+        };
+        /** Inspect mesh */
+        MeshPrepareRequest: {
+            /**
+             * @description discriminator enum property added by openapi-typescript
+             * @enum {string}
+             */
+            kind: "mesh.prepare";
+            /** @description Up to 16 text entries. */
+            metadata?: {
+                [key: string]: string;
+            } | null;
+            /** @description Display name. */
+            name?: string | null;
+            params: components["schemas"]["MeshParams"];
+            /**
+             * Format: int64
+             * @description Jobs with a higher priority start first.
+             */
+            priority?: number | null;
         };
         /** @description Result of the mesh inspection. */
         MeshSummary: {
@@ -944,6 +1119,16 @@ export interface components {
             ];
             /**
              * Format: int64
+             * @description Small holes that were closed.
+             */
+            filled_holes: number;
+            /**
+             * Format: int64
+             * @description Components removed as debris: small ones around the object, or far from it.
+             */
+            removed_debris: number;
+            /**
+             * Format: int64
              * @description Triangles removed or flipped by the repair.
              */
             repaired_triangles: number;
@@ -961,10 +1146,10 @@ export interface components {
             unit: string;
             /** @description Why this unit was selected. */
             unit_reason: string;
-            /** @description Whether the volume is that of the convex hull, because the surface is not closed. */
-            volume_from_hull: boolean;
             /** Format: double */
             volume_m3: number;
+            /** @description Solid from which the volume is computed. */
+            volume_source: components["schemas"]["VolumeSource"];
             /** @description Whether the surface is closed. */
             watertight: boolean;
         };
@@ -995,7 +1180,7 @@ export interface components {
             };
             /** @description Folder name of a built-in model; `mdl_` and 16 hash digits of a trained one. */
             id: string;
-            /** @description Id of the job that trained it. */
+            /** @description Id of the job that trained it; null for an imported model. */
             job?: string | null;
             /** @description `encoder` or `policy`; trained models only. */
             kind?: string | null;
@@ -1110,6 +1295,21 @@ export interface components {
              * @example wooden_block
              */
             object?: string | null;
+            orientation?: "asInFile" | {
+                stablePose: number;
+            } | null;
+            /**
+             * Format: float
+             * @description Factor on the coordinates of the mesh, in addition to its unit.
+             */
+            scale?: number | null;
+            /**
+             * Format: float
+             * @description Length of the longest side of the mesh (m), instead of unit and scale.
+             */
+            size_m?: number | null;
+            unit?: ("m" | "cm" | "mm" | "in") | null;
+            up?: ("x" | "y" | "z") | null;
         };
         /** @description Orientation of a mesh on the table. */
         Orientation: "asInFile" | {
@@ -1163,14 +1363,30 @@ export interface components {
                 hash: string;
                 /** @description `ds_` and the first 16 digits of the hash. */
                 id: string;
-                /** @description Id of the job that generated it. */
-                job: string;
+                /** @description Id of the job that generated it; null for an imported dataset. */
+                job?: string | null;
                 /** @description Type of this object: always `dataset`. */
                 object: string;
                 /** @description By object: grasps, accepted demonstrations, and rejected ones by reason. */
                 summary: {
                     [key: string]: unknown;
                 };
+            }[];
+            /** @description Whether more entries follow. */
+            has_more: boolean;
+            /** @description Type of this object: always `list`. */
+            object: string;
+        };
+        /** @description Page of a list. */
+        Page_DatasetFile: {
+            data: {
+                /** @description BLAKE3 (hex). */
+                blake3: string;
+                /** Format: int64 */
+                bytes: number;
+                /** @description Path in the folder of the dataset, separated by slashes. */
+                path: string;
+                url: string;
             }[];
             /** @description Whether more entries follow. */
             has_more: boolean;
@@ -1193,7 +1409,11 @@ export interface components {
                 /** @description Name of the object. */
                 object: string;
                 /** @description Object pose: x, y (m), yaw (rad). */
-                pose: number[];
+                pose: [
+                    number,
+                    number,
+                    number
+                ];
                 /**
                  * Format: int64
                  * @description Index of the object pose among the poses of this object.
@@ -1319,6 +1539,8 @@ export interface components {
                 name: string;
                 /** @description Type of this object: always `mesh`. */
                 object: string;
+                /** @description Whether the file does not tell the size: jobs with the mesh must give `size_m`, `unit` or `scale`. */
+                size_required: boolean;
                 summary: components["schemas"]["MeshSummary"];
                 urls: components["schemas"]["MeshUrls"];
             }[];
@@ -1344,7 +1566,7 @@ export interface components {
                 };
                 /** @description Folder name of a built-in model; `mdl_` and 16 hash digits of a trained one. */
                 id: string;
-                /** @description Id of the job that trained it. */
+                /** @description Id of the job that trained it; null for an imported model. */
                 job?: string | null;
                 /** @description `encoder` or `policy`; trained models only. */
                 kind?: string | null;
@@ -1370,6 +1592,26 @@ export interface components {
             detail: string;
             param: string;
         };
+        /** Evaluate policy */
+        PolicyEvaluateRequest: {
+            /**
+             * @description discriminator enum property added by openapi-typescript
+             * @enum {string}
+             */
+            kind: "policy.evaluate";
+            /** @description Up to 16 text entries. */
+            metadata?: {
+                [key: string]: string;
+            } | null;
+            /** @description Display name. */
+            name?: string | null;
+            params: components["schemas"]["EvaluationParams"];
+            /**
+             * Format: int64
+             * @description Jobs with a higher priority start first.
+             */
+            priority?: number | null;
+        };
         /** @description Parameters of policy training. */
         PolicyParams: components["schemas"]["TrainingParams"] & {
             /** @description Dataset that provides the demonstrations. */
@@ -1384,6 +1626,26 @@ export interface components {
              * @enum {string}
              */
             policy: "ngf-pcd" | "ngf-pos" | "mlp-pcd" | "mlp-pos" | "mlp-large-pcd";
+        };
+        /** Train policy */
+        PolicyTrainRequest: {
+            /**
+             * @description discriminator enum property added by openapi-typescript
+             * @enum {string}
+             */
+            kind: "policy.train";
+            /** @description Up to 16 text entries. */
+            metadata?: {
+                [key: string]: string;
+            } | null;
+            /** @description Display name. */
+            name?: string | null;
+            params: components["schemas"]["PolicyParams"];
+            /**
+             * Format: int64
+             * @description Jobs with a higher priority start first.
+             */
+            priority?: number | null;
         };
         /** @description Error response (RFC 9457). */
         Problem: {
@@ -1408,7 +1670,7 @@ export interface components {
          * @description Stable code of an error.
          * @enum {string}
          */
-        ProblemCode: "incomplete_body" | "body_too_large" | "request_timeout" | "invalid_card" | "incompatible_dataset" | "disk_full" | "episode_not_found" | "file_not_served" | "file_unreadable" | "origin_not_allowed" | "idempotency_key_reused" | "idempotency_job_deleted" | "in_use" | "input_not_found" | "internal" | "invalid_query" | "invalid_model_id" | "invalid_parameter" | "invalid_state" | "job_not_found" | "jobs_disabled" | "malformed_form" | "malformed_json" | "invalid_mesh" | "mesh_quota_exceeded" | "method_not_allowed" | "model_changed" | "model_file_not_found" | "model_not_found" | "not_acceptable" | "not_found" | "stale_worker" | "model_read_only" | "not_ready" | "web_not_built" | "queue_full" | "range_not_satisfiable" | "record_not_found" | "storage_failed" | "too_many_requests" | "unauthorized" | "unknown_action";
+        ProblemCode: "incomplete_body" | "body_too_large" | "request_timeout" | "invalid_card" | "incompatible_dataset" | "disk_full" | "episode_not_found" | "file_not_served" | "file_unreadable" | "host_not_allowed" | "origin_not_allowed" | "idempotency_key_reused" | "idempotency_job_deleted" | "in_use" | "input_not_found" | "internal" | "invalid_query" | "invalid_model_id" | "invalid_parameter" | "invalid_state" | "job_not_found" | "jobs_disabled" | "malformed_form" | "malformed_json" | "invalid_archive" | "invalid_mesh" | "size_required" | "mesh_quota_exceeded" | "method_not_allowed" | "model_changed" | "model_file_not_found" | "model_not_found" | "not_acceptable" | "not_found" | "stale_worker" | "model_read_only" | "not_ready" | "web_not_built" | "precondition_failed" | "queue_full" | "range_not_satisfiable" | "record_damaged" | "record_not_found" | "storage_failed" | "too_many_uploads" | "too_many_requests" | "too_many_streams" | "unauthorized" | "unknown_action";
         /** @description Progress of a phase. */
         Progress: {
             /**
@@ -1503,6 +1765,11 @@ export interface components {
             name: string;
             version: string;
         };
+        /**
+         * @description Solid from which a volume is computed.
+         * @enum {string}
+         */
+        VolumeSource: "surface" | "closed_surfaces" | "union" | "convex_parts" | "hull";
         /** @description Worker process of a job. */
         Worker: {
             /** @description Host name. */
@@ -1565,106 +1832,6 @@ export interface components {
             /** @default null */
             worker: components["schemas"]["Worker"] | null;
         };
-        /** Generate dataset */
-        DatasetGenerateRequest: {
-            /**
-             * @description discriminator enum property added by openapi-typescript
-             * @enum {string}
-             */
-            kind: "dataset.generate";
-            params?: components["schemas"]["DatasetParams"];
-            /** @description Up to 16 text entries. */
-            metadata?: {
-                [key: string]: string;
-            } | null;
-            /** @description Display name. */
-            name?: string | null;
-            /**
-             * Format: int64
-             * @description Jobs with a higher priority start first.
-             */
-            priority?: number | null;
-        };
-        /** Train encoder */
-        EncoderTrainRequest: {
-            /**
-             * @description discriminator enum property added by openapi-typescript
-             * @enum {string}
-             */
-            kind: "encoder.train";
-            params: components["schemas"]["EncoderParams"];
-            /** @description Up to 16 text entries. */
-            metadata?: {
-                [key: string]: string;
-            } | null;
-            /** @description Display name. */
-            name?: string | null;
-            /**
-             * Format: int64
-             * @description Jobs with a higher priority start first.
-             */
-            priority?: number | null;
-        };
-        /** Train policy */
-        PolicyTrainRequest: {
-            /**
-             * @description discriminator enum property added by openapi-typescript
-             * @enum {string}
-             */
-            kind: "policy.train";
-            params: components["schemas"]["PolicyParams"];
-            /** @description Up to 16 text entries. */
-            metadata?: {
-                [key: string]: string;
-            } | null;
-            /** @description Display name. */
-            name?: string | null;
-            /**
-             * Format: int64
-             * @description Jobs with a higher priority start first.
-             */
-            priority?: number | null;
-        };
-        /** Evaluate policy */
-        PolicyEvaluateRequest: {
-            /**
-             * @description discriminator enum property added by openapi-typescript
-             * @enum {string}
-             */
-            kind: "policy.evaluate";
-            params: components["schemas"]["EvaluationParams"];
-            /** @description Up to 16 text entries. */
-            metadata?: {
-                [key: string]: string;
-            } | null;
-            /** @description Display name. */
-            name?: string | null;
-            /**
-             * Format: int64
-             * @description Jobs with a higher priority start first.
-             */
-            priority?: number | null;
-        };
-        /** Inspect mesh */
-        MeshPrepareRequest: {
-            /**
-             * @description discriminator enum property added by openapi-typescript
-             * @enum {string}
-             */
-            kind: "mesh.prepare";
-            params: components["schemas"]["MeshParams"];
-            /** @description Up to 16 text entries. */
-            metadata?: {
-                [key: string]: string;
-            } | null;
-            /** @description Display name. */
-            name?: string | null;
-            /**
-             * Format: int64
-             * @description Jobs with a higher priority start first.
-             */
-            priority?: number | null;
-        };
     };
     responses: never;
     parameters: never;
@@ -1721,6 +1888,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    "application/octet-stream": components["schemas"]["Bytes"];
                     "*/*": components["schemas"]["Bytes"];
                 };
             };
@@ -1730,6 +1898,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    "application/octet-stream": components["schemas"]["Bytes"];
                     "*/*": components["schemas"]["Bytes"];
                 };
             };
@@ -1739,6 +1908,15 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content?: never;
+            };
+            /** @description Not found: the hint names the list of valid ids */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
             };
             /** @description Error: cause and suggested remedy */
             default: {
@@ -1772,6 +1950,76 @@ export interface operations {
                     "application/json": components["schemas"]["Page_Dataset"];
                 };
             };
+            /** @description A parameter or the body is invalid */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Error: cause and suggested remedy */
+            default: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    datasets_import: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /** @description Tar archive without compression */
+        requestBody: {
+            content: {
+                "application/octet-stream": components["schemas"]["Bytes"];
+            };
+        };
+        responses: {
+            /** @description The dataset already exists */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Dataset"];
+                };
+            };
+            /** @description The new dataset */
+            201: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Dataset"];
+                };
+            };
+            /** @description The token is missing or invalid */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A parameter or the body is invalid */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
             /** @description Error: cause and suggested remedy */
             default: {
                 headers: {
@@ -1803,6 +2051,15 @@ export interface operations {
                     "application/json": components["schemas"]["Dataset"];
                 };
             };
+            /** @description Not found: the hint names the list of valid ids */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
             /** @description Error: cause and suggested remedy */
             default: {
                 headers: {
@@ -1831,6 +2088,80 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content?: never;
+            };
+            /** @description The token is missing or invalid */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Not found: the hint names the list of valid ids */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Error: cause and suggested remedy */
+            default: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    datasets_archive: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Tar archive with all files in a folder */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/octet-stream": components["schemas"]["Bytes"];
+                };
+            };
+            /** @description The requested range */
+            206: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/octet-stream": components["schemas"]["Bytes"];
+                };
+            };
+            /** @description Not modified */
+            304: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
+            };
+            /** @description Not found: the hint names the list of valid ids */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
             };
             /** @description Error: cause and suggested remedy */
             default: {
@@ -1869,6 +2200,24 @@ export interface operations {
                     "application/json": components["schemas"]["Page_EpisodeSchema"];
                 };
             };
+            /** @description Not found: the hint names the list of valid ids */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A parameter or the body is invalid */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
             /** @description Error: cause and suggested remedy */
             default: {
                 headers: {
@@ -1899,6 +2248,115 @@ export interface operations {
                 };
                 content: {
                     "application/json": components["schemas"]["DemonstrationSchema"];
+                };
+            };
+            /** @description Not found: the hint names the list of valid ids */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Error: cause and suggested remedy */
+            default: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    datasets_files: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description All files, in one page */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Page_DatasetFile"];
+                };
+            };
+            /** @description Not found: the hint names the list of valid ids */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Error: cause and suggested remedy */
+            default: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    datasets_file: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                id: string;
+                /** @description Path from the list of files, e.g. meta/info.json */
+                path: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description The file */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/octet-stream": components["schemas"]["Bytes"];
+                    "*/*": components["schemas"]["Bytes"];
+                };
+            };
+            /** @description The requested range */
+            206: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/octet-stream": components["schemas"]["Bytes"];
+                    "*/*": components["schemas"]["Bytes"];
+                };
+            };
+            /** @description Not modified */
+            304: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
+            };
+            /** @description Not found: the hint names the list of valid ids */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Error: cause and suggested remedy */
@@ -1938,6 +2396,15 @@ export interface operations {
                 };
                 content: {
                     "application/json": components["schemas"]["CursorPage_Job"];
+                };
+            };
+            /** @description A parameter or the body is invalid */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Error: cause and suggested remedy */
@@ -1988,6 +2455,24 @@ export interface operations {
                     "application/json": components["schemas"]["Job"];
                 };
             };
+            /** @description The token is missing or invalid */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A parameter or the body is invalid */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
             /** @description Error: cause and suggested remedy */
             default: {
                 headers: {
@@ -2030,6 +2515,24 @@ export interface operations {
                 };
                 content?: never;
             };
+            /** @description Not found: the hint names the list of valid ids */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A parameter or the body is invalid */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
             /** @description Error: cause and suggested remedy */
             default: {
                 headers: {
@@ -2062,6 +2565,33 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content?: never;
+            };
+            /** @description The token is missing or invalid */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Not found: the hint names the list of valid ids */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A parameter or the body is invalid */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
             };
             /** @description Error: cause and suggested remedy */
             default: {
@@ -2099,6 +2629,33 @@ export interface operations {
                     "application/json": components["schemas"]["Job"];
                 };
             };
+            /** @description The token is missing or invalid */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Not found: the hint names the list of valid ids */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A parameter or the body is invalid */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
             /** @description Error: cause and suggested remedy */
             default: {
                 headers: {
@@ -2131,6 +2688,15 @@ export interface operations {
                     "application/json": components["schemas"]["Page_JobArtifact"];
                 };
             };
+            /** @description Not found: the hint names the list of valid ids */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
             /** @description Error: cause and suggested remedy */
             default: {
                 headers: {
@@ -2161,6 +2727,15 @@ export interface operations {
                 };
                 content: {
                     "application/json": components["schemas"]["Page_Checkpoint"];
+                };
+            };
+            /** @description Not found: the hint names the list of valid ids */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Error: cause and suggested remedy */
@@ -2199,6 +2774,24 @@ export interface operations {
                 };
                 content: {
                     "application/json": components["schemas"]["CursorPage_Event"];
+                };
+            };
+            /** @description Not found: the hint names the list of valid ids */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A parameter or the body is invalid */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Error: cause and suggested remedy */
@@ -2245,6 +2838,24 @@ export interface operations {
                     "text/plain": string;
                 };
             };
+            /** @description Not found: the hint names the list of valid ids */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A parameter or the body is invalid */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
             /** @description Error: cause and suggested remedy */
             default: {
                 headers: {
@@ -2286,6 +2897,24 @@ export interface operations {
                     "application/x-ndjson": string;
                 };
             };
+            /** @description Not found: the hint names the list of valid ids */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A parameter or the body is invalid */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
             /** @description Error: cause and suggested remedy */
             default: {
                 headers: {
@@ -2320,6 +2949,33 @@ export interface operations {
                 };
                 content: {
                     "application/json": components["schemas"]["ReportReply"];
+                };
+            };
+            /** @description The token is missing or invalid */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Not found: the hint names the list of valid ids */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A parameter or the body is invalid */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Error: cause and suggested remedy */
@@ -2366,6 +3022,24 @@ export interface operations {
                 };
                 content?: never;
             };
+            /** @description Not found: the hint names the list of valid ids */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A parameter or the body is invalid */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
             /** @description Error: cause and suggested remedy */
             default: {
                 headers: {
@@ -2400,6 +3074,24 @@ export interface operations {
                     "application/json": components["schemas"]["Job"];
                 };
             };
+            /** @description The token is missing or invalid */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Not found: the hint names the list of valid ids */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
             /** @description Error: cause and suggested remedy */
             default: {
                 headers: {
@@ -2432,6 +3124,15 @@ export interface operations {
                     "application/json": components["schemas"]["Page_Mesh"];
                 };
             };
+            /** @description A parameter or the body is invalid */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
             /** @description Error: cause and suggested remedy */
             default: {
                 headers: {
@@ -2448,6 +3149,14 @@ export interface operations {
             query?: {
                 /** @description File name */
                 name?: string;
+                /** @description Unit of the mesh: m, cm, mm or in */
+                unit?: string;
+                /** @description Length of the longest side (m), instead of unit and scale */
+                size_m?: number;
+                /** @description Factor on the coordinates, in addition to the unit */
+                scale?: number;
+                /** @description Axis of the file that points up: x, y or z */
+                up?: string;
             };
             header?: never;
             path?: never;
@@ -2477,6 +3186,24 @@ export interface operations {
                 };
                 content: {
                     "application/json": components["schemas"]["Mesh"];
+                };
+            };
+            /** @description The token is missing or invalid */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A parameter or the body is invalid */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Error: cause and suggested remedy */
@@ -2510,6 +3237,15 @@ export interface operations {
                     "application/json": components["schemas"]["Mesh"];
                 };
             };
+            /** @description Not found: the hint names the list of valid ids */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
             /** @description Error: cause and suggested remedy */
             default: {
                 headers: {
@@ -2539,6 +3275,24 @@ export interface operations {
                 };
                 content?: never;
             };
+            /** @description The token is missing or invalid */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Not found: the hint names the list of valid ids */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
             /** @description Error: cause and suggested remedy */
             default: {
                 headers: {
@@ -2567,6 +3321,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    "application/octet-stream": components["schemas"]["Bytes"];
                     "*/*": components["schemas"]["Bytes"];
                 };
             };
@@ -2576,6 +3331,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    "application/octet-stream": components["schemas"]["Bytes"];
                     "*/*": components["schemas"]["Bytes"];
                 };
             };
@@ -2585,6 +3341,15 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content?: never;
+            };
+            /** @description Not found: the hint names the list of valid ids */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
             };
             /** @description Error: cause and suggested remedy */
             default: {
@@ -2620,6 +3385,76 @@ export interface operations {
                     "application/json": components["schemas"]["Page_Model"];
                 };
             };
+            /** @description A parameter or the body is invalid */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Error: cause and suggested remedy */
+            default: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    models_import: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /** @description Tar archive without compression */
+        requestBody: {
+            content: {
+                "application/octet-stream": components["schemas"]["Bytes"];
+            };
+        };
+        responses: {
+            /** @description The model already exists */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Model"];
+                };
+            };
+            /** @description The new model */
+            201: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Model"];
+                };
+            };
+            /** @description The token is missing or invalid */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A parameter or the body is invalid */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
             /** @description Error: cause and suggested remedy */
             default: {
                 headers: {
@@ -2651,6 +3486,15 @@ export interface operations {
                     "application/json": components["schemas"]["Model"];
                 };
             };
+            /** @description Not found: the hint names the list of valid ids */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
             /** @description Error: cause and suggested remedy */
             default: {
                 headers: {
@@ -2679,6 +3523,80 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content?: never;
+            };
+            /** @description The token is missing or invalid */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Not found: the hint names the list of valid ids */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Error: cause and suggested remedy */
+            default: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    models_archive: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Tar archive with the files and a manifest in a folder */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/octet-stream": components["schemas"]["Bytes"];
+                };
+            };
+            /** @description The requested range */
+            206: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/octet-stream": components["schemas"]["Bytes"];
+                };
+            };
+            /** @description Not modified */
+            304: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
+            };
+            /** @description Not found: the hint names the list of valid ids */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
             };
             /** @description Error: cause and suggested remedy */
             default: {
@@ -2723,6 +3641,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
+                    "application/octet-stream": components["schemas"]["Bytes"];
                     "*/*": components["schemas"]["Bytes"];
                 };
             };
@@ -2732,6 +3651,24 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content?: never;
+            };
+            /** @description Not found: the hint names the list of valid ids */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A parameter or the body is invalid */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
             };
             /** @description Error: cause and suggested remedy */
             default: {
@@ -2774,6 +3711,15 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content?: never;
+            };
+            /** @description A parameter or the body is invalid */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
             };
             /** @description Error: cause and suggested remedy */
             default: {
@@ -2824,12 +3770,13 @@ export interface operations {
         };
         requestBody?: never;
         responses: {
-            /** @description Metrics as OpenMetrics text */
+            /** @description Metrics as text: OpenMetrics if `Accept` names it */
             200: {
                 headers: {
                     [name: string]: unknown;
                 };
                 content: {
+                    "text/plain": string;
                     "application/openmetrics-text": string;
                 };
             };

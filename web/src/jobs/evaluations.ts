@@ -90,7 +90,7 @@ function shareLink(report: Evaluation, { seed, pose: [x, y, yaw], final_state_ha
     placedByHand: false,
     seed,
     model: String(model_id),
-    modelHash: report.model_hash,
+    modelHash: report.model_hash ?? null,
     sceneHash: report.scene_hash,
     view: null,
     tick: null,

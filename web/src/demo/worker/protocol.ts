@@ -262,15 +262,15 @@ export type WorkerEvent = { "kind": "ready" } & Ready | { "kind": "object" } & O
 /**
  * Request of the page.
  */
-export type WorkerRequest = { "kind": "loadObject", object: string, } | { "kind": "upload", fileName: string, bytes: ArrayBuffer, unit: Unit | null, 
+export type WorkerRequest = { "kind": "loadObject", object: string, } | { "kind": "upload", fileName: string, bytes: ArrayBuffer, unit: Unit | null,
 /**
  * Length (m) of the longest side, instead of unit and scale.
  */
-sizeM: number | null, 
+sizeM: number | null,
 /**
  * Factor on the coordinates, in addition to the unit.
  */
-scale: number | null, 
+scale: number | null,
 /**
  * Axis of the file that points up.
  */
