@@ -58,10 +58,10 @@ fn inspect(options: &InspectArgs) -> Result<()> {
         parts.hulls.len()
     );
     if summary.removed_debris > 0 {
-        println!("{} pieces of debris removed", summary.removed_debris);
+        println!("pieces of debris removed: {}", summary.removed_debris);
     }
     if summary.filled_holes > 0 {
-        println!("{} small holes closed", summary.filled_holes);
+        println!("small holes closed: {}", summary.filled_holes);
     }
     let Some(out) = &options.out else { return Ok(()) };
     let method = match parts.method {
