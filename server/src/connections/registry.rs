@@ -110,21 +110,23 @@ impl Registry {
 
     /// Closes a connection and takes its place; `None` if all serve long-lived requests.
     async fn permit_of_another(&self) -> Option<OwnedSemaphorePermit> {
-        let within = async |time| {
-            let permit = tokio::time::timeout(time, self.permits.clone().acquire_owned()).await;
-            permit.ok().and_then(Result::ok)
-        };
         if !self.close_longest_idle(SHORT_REQUEST) {
-            if let Some(permit) = within(SHORT_WAIT).await {
+            if let Some(permit) = self.permit_within(SHORT_WAIT).await {
                 return Some(permit);
             }
             self.close_longest_idle(Duration::ZERO);
         }
-        let permit = within(ADMISSION_TIMEOUT).await;
+        let permit = self.permit_within(ADMISSION_TIMEOUT).await;
         if permit.is_none() {
             self.log_failure(&io::Error::other("all connections are active"));
         }
         permit
+    }
+
+    /// The place of a connection that closes within this time.
+    async fn permit_within(&self, time: Duration) -> Option<OwnedSemaphorePermit> {
+        let permit = tokio::time::timeout(time, self.permits.clone().acquire_owned()).await;
+        permit.ok().and_then(Result::ok)
     }
 
     /// Closes the connection that is idle for the longest time; if none is idle, the one with the longest request
