@@ -51,7 +51,9 @@ pub(crate) async fn log_request(
     state.metrics.request_duration.get_or_create(&labels).observe(seconds);
     let milliseconds = (1e4 * seconds).round() / 10.0;
     let status = status.as_u16();
-    if response.status().is_server_error() {
+    // Workers repeat a report every second while the disk is full; the scheduler logs that once per minute.
+    let is_repeated = status == 507 && path.ends_with("/reports");
+    if response.status().is_server_error() && !is_repeated {
         tracing::warn!(%method, path, status, milliseconds, request = id, "response");
     } else if method.is_safe() || path.ends_with("/reports") {
         tracing::debug!(%method, path, status, milliseconds, request = id, "response");

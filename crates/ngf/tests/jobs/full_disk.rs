@@ -49,6 +49,8 @@ fn jobs_that_end_on_a_full_disk_are_recorded_once_there_is_space() {
         let filler = disk.0.join("filler");
         let mut file = std::fs::File::create(&filler).unwrap();
         while file.write_all(&[0; 4096]).is_ok() {}
+        // An open file keeps its space after it is removed.
+        drop(file);
         std::thread::sleep(Duration::from_secs(15));
         let agent = ureq::Agent::config_builder().http_status_as_error(false).build().new_agent();
         for _ in 0..3 {
