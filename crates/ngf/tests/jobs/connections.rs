@@ -91,11 +91,11 @@ fn slow_connections_are_closed_within_a_minute() {
 #[ignore = "seconds: cargo xtask stress"]
 fn nine_thousand_streams_are_open_at_once() {
     const STREAMS: usize = 9000;
-    if !raise_own_limit(10_000) {
+    if !raise_own_limit(20_000) {
         return;
     }
     let folder = tempfile::tempdir().unwrap();
-    let server = start(65_536, &folder.path().join("data"));
+    let server = start(20_000, &folder.path().join("data"));
     let address = server.url.strip_prefix("http://").unwrap();
     let open = |_| {
         let mut stream = TcpStream::connect(address).unwrap();
