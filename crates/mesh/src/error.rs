@@ -153,7 +153,7 @@ pub enum MeshError {
     Flat,
     /// The options do not tell how large the mesh is, and neither does the file.
     #[error(
-        "the mesh is {length} long: expected an object of 5 mm to 50 cm. Give its size, unit or scale"
+        "the mesh is {length}: expected an object of 5 mm to 50 cm. Give its size, unit or scale"
     )]
     SizeRequired {
         /// Longest side of the bounding box, with the unit of the format.

@@ -91,10 +91,12 @@ pub(crate) fn resolve_unit(
     } else if let Some(unit) = WIDE_UNITS.into_iter().find(|unit| is_in(ACCEPTED_RANGE_M, *unit)) {
         return resolved(unit, 1.0, "closest to the graspable range");
     }
-    let unit = format.map_or("units, which the format does not define,".to_owned(), |format| {
-        format!("{}, {},", format.unit.plural(), format.reason)
-    });
-    Err(MeshError::SizeRequired { length: format!("{} {unit}", units(longest)) })
+    let length = units(longest);
+    let length = match format {
+        Some(FormatUnit { unit, reason }) => format!("{length} {} long, {reason}", unit.plural()),
+        None => format!("{length} units long, and the format defines no unit"),
+    };
+    Err(MeshError::SizeRequired { length })
 }
 
 /// Length in units of the file: three digits are enough to recognise an object.
@@ -213,7 +215,7 @@ mod tests {
             assert_eq!(error.code(), "size_required", "{longest}: {error}");
         }
         let text = resolve(0.9, GLTF).unwrap_err().to_string();
-        assert!(text.contains("0.900 metres, as glTF defines, long"), "{text}");
+        assert!(text.contains("0.900 metres long, as glTF defines"), "{text}");
         assert!(text.contains("Give its size, unit or scale"), "{text}");
     }
 
