@@ -1,10 +1,9 @@
 //! Options of a mesh in a job or an upload: size, up axis and orientation.
 
 use super::command_line::option_args;
-use super::param_checks::{Invalid, invalid, string_enum};
+use super::param_checks::{Invalid, invalid};
 use mesh::{MeshError, MeshOptions, Unit, UpAxis};
-use objects::import::Orientation;
-use utoipa::openapi::schema::{ObjectBuilder, OneOfBuilder, Schema, Type};
+use utoipa::openapi::schema::{ObjectBuilder, Schema, SchemaType, Type};
 
 /// Parameters that give the size of a mesh.
 const SIZE_PARAMS: &str = "size_m, unit or scale";
@@ -40,13 +39,14 @@ pub(super) fn argv(options: &MeshOptions) -> Vec<String> {
     .concat()
 }
 
-/// Option of the worker command for an orientation.
-pub(super) fn orientation_argv(orientation: Option<Orientation>) -> Vec<String> {
-    let text = orientation.map(|orientation| match orientation {
-        Orientation::AsInFile => "file".to_owned(),
-        Orientation::StablePose(index) => index.to_string(),
-    });
-    option_args("orientation", text)
+/// Fails unless an orientation is `file` or the index of a stable pose.
+pub(super) fn validate_orientation(text: Option<&str>, has_mesh: bool) -> Result<(), Invalid> {
+    let is_valid = text.is_none_or(|text| text == "file" || text.parse::<usize>().is_ok());
+    match is_valid {
+        true if has_mesh || text.is_none() => Ok(()),
+        true => Err(invalid("orientation", "only valid with mesh_id")),
+        false => Err(invalid("orientation", "must be \"file\" or the index of a stable pose")),
+    }
 }
 
 /// Detail of a missing size.
@@ -56,25 +56,19 @@ pub(crate) fn size_required_hint() -> String {
 
 /// Schema of a unit.
 pub(crate) fn unit_schema() -> Schema {
-    nullable(string_enum(Unit::ALL.map(Unit::symbol)))
+    let text = "Unit of the mesh; by default that of the format, or the one that suits the size.";
+    optional_name(&Unit::ALL.map(Unit::symbol), text)
 }
 
 /// Schema of an up axis.
 pub(crate) fn up_schema() -> Schema {
-    nullable(string_enum(UpAxis::ALL.map(UpAxis::name)))
+    optional_name(&UpAxis::ALL.map(UpAxis::name), "Axis of the mesh file that points up.")
 }
 
-/// Schema of an orientation: as in the file, or a stable pose by its index.
-pub(super) fn orientation_schema() -> Schema {
-    let index = ObjectBuilder::new().schema_type(Type::Integer).minimum(Some(0));
-    let pose = ObjectBuilder::new().property("stablePose", index).required("stablePose");
-    let null = ObjectBuilder::new().schema_type(Type::Null);
-    OneOfBuilder::new().item(string_enum(["asInFile"])).item(pose).item(null).into()
-}
-
-fn nullable(object: ObjectBuilder) -> Schema {
-    let null = ObjectBuilder::new().schema_type(Type::Null);
-    OneOfBuilder::new().item(object).item(null).into()
+fn optional_name(names: &[&str], description: &str) -> Schema {
+    let string_or_null = SchemaType::from_iter([Type::String, Type::Null]);
+    let object = ObjectBuilder::new().schema_type(string_or_null).examples(names.iter().copied());
+    object.description(Some(format!("{description} One of: {}.", names.join(", ")))).into()
 }
 
 #[cfg(test)]
@@ -90,9 +84,21 @@ mod tests {
             ..MeshOptions::default()
         };
         assert_eq!(argv(&options), ["--unit", "in", "--scale", "2.5", "--up", "y"]);
-        assert_eq!(orientation_argv(Some(Orientation::AsInFile)), ["--orientation", "file"]);
-        assert_eq!(orientation_argv(Some(Orientation::StablePose(2))), ["--orientation", "2"]);
         assert_eq!(argv(&MeshOptions::default()), Vec::<String>::new());
+    }
+
+    #[test]
+    fn orientation_is_that_of_the_file_or_an_index() {
+        for (text, has_mesh, is_valid) in [
+            (Some("file"), true, true),
+            (Some("2"), true, true),
+            (None, false, true),
+            (Some("2"), false, false),
+            (Some("-1"), true, false),
+            (Some("head"), true, false),
+        ] {
+            assert_eq!(validate_orientation(text, has_mesh).is_ok(), is_valid, "{text:?}");
+        }
     }
 
     #[test]

@@ -5,7 +5,6 @@ use super::mesh_options;
 use super::param_checks::{Invalid, check_range, invalid};
 use mesh::{MeshOptions, Unit, UpAxis};
 use objects::catalog::CATALOG;
-use objects::import::Orientation;
 use objects::object::Object;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -51,10 +50,9 @@ pub(crate) struct ObjectParams {
     #[serde(default)]
     #[schema(schema_with = mesh_options::up_schema)]
     pub(crate) up: Option<UpAxis>,
-    /// Orientation of the mesh: `asInFile`, or a stable pose by its index.
+    /// Orientation of the mesh: `file`, or the index of a stable pose, 0 for the most stable one.
     #[serde(default)]
-    #[schema(schema_with = mesh_options::orientation_schema)]
-    pub(crate) orientation: Option<Orientation>,
+    pub(crate) orientation: Option<String>,
 }
 
 impl ObjectParams {
@@ -76,9 +74,7 @@ impl ObjectParams {
             }
         }
         mesh_options::validate(&self.mesh_options(), self.mesh_id.is_some())?;
-        if self.orientation.is_some() && self.mesh_id.is_none() {
-            return Err(invalid("orientation", "only valid with mesh_id"));
-        }
+        mesh_options::validate_orientation(self.orientation.as_deref(), self.mesh_id.is_some())?;
         match (&self.object, &self.mesh_id) {
             (Some(_), Some(_)) => {
                 Err(invalid("mesh_id", "give either mesh_id or object, not both"))
@@ -106,7 +102,7 @@ impl ObjectParams {
             option_args("mass", self.mass_kg),
             option_args("density", self.density_kg_m3),
             mesh_options::argv(&self.mesh_options()),
-            mesh_options::orientation_argv(self.orientation),
+            option_args("orientation", self.orientation.as_ref()),
         ]
         .concat()
     }
