@@ -59,11 +59,11 @@ async fn server() -> (Router, std::sync::Arc<JobScheduler>, tempfile::TempDir) {
     (crate::app(state), scheduler, folder)
 }
 
-/// The shortest of five durations of a GET request, and its response. Other tests run at the same time.
+/// The shortest of 25 durations of a GET request, and its response. Other tests run at the same time.
 async fn timed(app: &Router, path: &str) -> (Duration, Value) {
     let (mut shortest, mut durations) = (Duration::MAX, Vec::new());
     let mut bytes = Default::default();
-    for _ in 0..5 {
+    for _ in 0..25 {
         let start = Instant::now();
         let request = Request::get(format!("/api/v1{path}")).body(Body::empty()).unwrap();
         let response = app.clone().oneshot(request).await.unwrap();
