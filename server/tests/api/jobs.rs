@@ -17,7 +17,7 @@ async fn job_contains_all_members_and_resolved_params() {
         json!({
             "preset": "small", "object": null, "mesh_id": null, "mass_kg": null,
             "density_kg_m3": null, "unit": null, "size_m": null, "scale": null, "up": null,
-            "orientation": null, "seed": 0, "threads": 0,
+            "orientation": null, "point_clouds": false, "seed": 0, "threads": 0,
         })
     );
     let names: Vec<&String> = job.as_object().unwrap().keys().collect();
