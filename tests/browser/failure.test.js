@@ -50,7 +50,7 @@ async function view(page) {
 }
 
 test("failure states its evidence, and the simulation shows one more second", async () => {
-  const { page, errors } = await visit(served);
+  const { page, errors } = await visit(served, { pixelRatio: 1 });
   await untilReady(page);
   // A long name is shortened in the middle and complete on hover.
   const name = "006_heavy_bottle_textured_scan_01.obj";
@@ -99,7 +99,7 @@ test("failure states its evidence, and the simulation shows one more second", as
 });
 
 test("palm trajectory and contact forces are solid and stay after the outcome", async () => {
-  const { page, errors } = await visit(served);
+  const { page, errors } = await visit(served, { pixelRatio: 1 });
   await untilReady(page);
   await page.keyboard.press("c");
   // Shown from the start, so that the trajectory contains every tick.
