@@ -112,7 +112,7 @@ pub fn import_with_files(
     let (mesh, format) = io::read_format(bytes, files)?;
     let mesh = match (options.up, format.up) {
         // glTF is converted from y up to z up by its parser.
-        (Some(up), Some(UpAxis::Y)) => up.to_z(UpAxis::Y.from_z(mesh)),
+        (Some(up), Some(UpAxis::Y)) => up.to_z(UpAxis::Y.z_to_axis(mesh)),
         (Some(up), _) => up.to_z(mesh),
         (None, _) => mesh,
     };

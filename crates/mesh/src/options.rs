@@ -79,7 +79,7 @@ impl UpAxis {
     }
 
     /// Inverse of [`Self::to_z`].
-    pub(crate) fn from_z(self, mut mesh: Mesh) -> Mesh {
+    pub(crate) fn z_to_axis(self, mut mesh: Mesh) -> Mesh {
         mesh.vertices.iter_mut().for_each(|v| {
             *v = match self {
                 Self::X => Vec3::new(v.z, v.y, -v.x),
@@ -103,7 +103,7 @@ mod tests {
             let turned = axis.to_z(tall.clone());
             assert_eq!((turned.extent().z, test_meshes::volume(&turned)), (height, 6.0));
             assert_eq!(turned.bounds()[0].z, 0.0);
-            assert_eq!(axis.from_z(turned), tall);
+            assert_eq!(axis.z_to_axis(turned), tall);
         }
     }
 

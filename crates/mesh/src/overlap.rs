@@ -22,7 +22,7 @@ pub(super) fn overlap(mesh: &Mesh, origin: DVec3) -> Option<VolumeIntegrals> {
     let [low, high] = mesh.bounds().map(|corner| corner.as_dvec3());
     let cell = (high - low).truncate().max_element() / RESOLUTION;
     let mut sum = VolumeIntegrals { origin, volume: 0.0, first: DVec3::ZERO, second: DMat3::ZERO };
-    if !(cell > 0.0) {
+    if cell.is_nan() || cell <= 0.0 {
         return Some(sum);
     }
     let low = low.truncate();

@@ -214,5 +214,5 @@ impl MeshBuilder {
 }
 
 fn is_invalid(x: f64) -> bool {
-    !(x.abs() <= MAX_COORDINATE)
+    x.is_nan() || x.abs() > MAX_COORDINATE
 }

@@ -26,7 +26,7 @@ pub(crate) fn triangulate(corners: &[DVec3]) -> Vec<[usize; 3]> {
     };
     let is_fan_valid = fan().all(|triangle| doubled(triangle) >= -REVERSED_AREA_TOLERANCE * area);
     // A face without area has no plane.
-    if !(area > 0.0) || is_fan_valid || corners.len() > MAX_CORNERS {
+    if area.is_nan() || area <= 0.0 || is_fan_valid || corners.len() > MAX_CORNERS {
         return fan().collect();
     }
     let triangles = clip_ears(&project(corners, normal / area));
