@@ -46,7 +46,7 @@ fn missing_triangle_does_not_change_the_volume() {
 
 #[test]
 fn cup_of_a_single_surface_is_not_closed_at_its_rim() {
-    // Without the inner wall: the opening is no hole, and the hull is far too heavy.
+    // Without the inner wall: the opening is not a hole, and the hull is far too heavy.
     let outer: Vec<Triangle> = cup()
         .into_iter()
         .filter(|t| t.iter().all(|[x, y, z]| *z == 0.0 || (x.hypot(*y) - 40.0).abs() < 1e-6))

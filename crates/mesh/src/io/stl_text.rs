@@ -26,7 +26,7 @@ fn first_line(bytes: &[u8]) -> &[u8] {
 struct Facet {
     start: Location,
     corners: Vec<[f64; 3]>,
-    /// First word that is no keyword, with its line.
+    /// First word that is not a keyword, with its line.
     unknown: Option<(usize, String)>,
 }
 
