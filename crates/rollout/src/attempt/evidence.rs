@@ -97,7 +97,8 @@ impl Evidence {
         };
         let others = [(self.palm, "palm"), (self.arm, "arm"), (self.table, "table")]
             .into_iter()
-            .filter_map(|(touches, name)| touches.then(|| name.to_owned()));
+            .filter(|(touches, _)| *touches)
+            .map(|(_, name)| name.to_owned());
         let names: Vec<String> = fingers.into_iter().chain(others).collect();
         if names.is_empty() { "none".into() } else { names.join(", ") }
     }
