@@ -1076,8 +1076,21 @@ export interface components {
              * @description Length of the longest side of the mesh (m), instead of unit and scale.
              */
             size_m?: number | null;
-            unit?: ("m" | "cm" | "mm" | "in") | null;
-            up?: ("x" | "y" | "z") | null;
+            /**
+             * @description Unit of the mesh; by default that of the format, or the one that suits the size. One of: m, cm, mm, in.
+             * @example m
+             * @example cm
+             * @example mm
+             * @example in
+             */
+            unit?: string | null;
+            /**
+             * @description Axis of the mesh file that points up. One of: x, y, z.
+             * @example x
+             * @example y
+             * @example z
+             */
+            up?: string | null;
         };
         /** Inspect mesh */
         MeshPrepareRequest: {
@@ -1295,9 +1308,8 @@ export interface components {
              * @example wooden_block
              */
             object?: string | null;
-            orientation?: "asInFile" | {
-                stablePose: number;
-            } | null;
+            /** @description Orientation of the mesh: `file`, or the index of a stable pose, 0 for the most stable one. */
+            orientation?: string | null;
             /**
              * Format: float
              * @description Factor on the coordinates of the mesh, in addition to its unit.
@@ -1308,8 +1320,21 @@ export interface components {
              * @description Length of the longest side of the mesh (m), instead of unit and scale.
              */
             size_m?: number | null;
-            unit?: ("m" | "cm" | "mm" | "in") | null;
-            up?: ("x" | "y" | "z") | null;
+            /**
+             * @description Unit of the mesh; by default that of the format, or the one that suits the size. One of: m, cm, mm, in.
+             * @example m
+             * @example cm
+             * @example mm
+             * @example in
+             */
+            unit?: string | null;
+            /**
+             * @description Axis of the mesh file that points up. One of: x, y, z.
+             * @example x
+             * @example y
+             * @example z
+             */
+            up?: string | null;
         };
         /** @description Orientation of a mesh on the table. */
         Orientation: "asInFile" | {
