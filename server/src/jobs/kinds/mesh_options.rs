@@ -49,7 +49,7 @@ pub(super) fn validate_orientation(text: Option<&str>, has_mesh: bool) -> Result
     }
 }
 
-/// Detail of a missing size.
+/// Hint of an error about a mesh without a size.
 pub(crate) fn size_required_hint() -> String {
     format!("give {SIZE_PARAMS}")
 }
