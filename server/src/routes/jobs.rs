@@ -257,7 +257,8 @@ pub(crate) async fn action(
 
 /// Changes the name, the metadata or, while the job is queued, the priority.
 #[utoipa::path(
-    patch, path = "/jobs/{id}", tag = "jobs", request_body = JobPatch, params(("id" = String, Path, description = "Id of the job")),
+    patch, path = "/jobs/{id}", tag = "jobs", request_body = JobPatch,
+    params(("id" = String, Path, description = "Id of the job"), ("If-Match" = Option<String>, Header, description = "ETag of the job; another version is rejected with 412")),
     responses((status = 200, description = "The job", body = JobView<'static>)),
 )]
 pub(crate) async fn patch(
@@ -292,7 +293,12 @@ pub(crate) async fn patch(
 
 /// Deletes a finished job, or one whose record is damaged.
 #[utoipa::path(
-    delete, path = "/jobs/{id}", tag = "jobs", params(("id" = String, Path, description = "Id of the job"), ("artifacts" = Option<bool>, Query, description = "Also delete its files, except those of models")),
+    delete, path = "/jobs/{id}", tag = "jobs",
+    params(
+        ("id" = String, Path, description = "Id of the job"),
+        ("artifacts" = Option<bool>, Query, description = "Also delete its files, except those of models"),
+        ("If-Match" = Option<String>, Header, description = "ETag of the job; another version is rejected with 412"),
+    ),
     responses((status = 204, description = "The job is deleted")),
 )]
 pub(crate) async fn delete(

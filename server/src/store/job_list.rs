@@ -25,33 +25,32 @@ pub(crate) struct Filter {
 impl Filter {
     /// Query for the ids and records of the jobs, and the values of its placeholders.
     ///
-    /// The inner query finds the ids of the page in narrow indexes, in order: `jobs_by_id`, or the primary key
-    /// of `job_metadata` for the first metadata entry. Only the records of the page are read.
+    /// The inner query finds the ids of the page in one narrow index, in order: `jobs_by_id`, or the primary
+    /// key of `job_metadata` for the first metadata entry. Only the records of the page are read.
     fn query(&self) -> (String, Vec<&str>) {
         let placeholders = |count: usize| vec!["?"; count].join(", ");
-        let (mut conditions, mut values) = (vec!["jobs.status <> ?".to_owned()], vec![DAMAGED]);
+        let (mut conditions, mut values) = (vec!["entry.status <> ?".to_owned()], vec![DAMAGED]);
         let mut metadata = self.metadata.iter();
-        let source = match metadata.next() {
-            None => "jobs INDEXED BY jobs_by_id",
+        let (source, id) = match metadata.next() {
+            None => ("jobs AS entry INDEXED BY jobs_by_id", "entry.id"),
             Some((key, value)) => {
-                conditions.push("first.key = ? AND first.value = ?".into());
+                conditions.push("entry.key = ? AND entry.value = ?".into());
                 values.extend([key.as_str(), value.as_str()]);
-                // SQLite does not reorder the tables of a CROSS JOIN.
-                "job_metadata AS first CROSS JOIN jobs INDEXED BY jobs_by_id ON jobs.id = first.job"
+                ("job_metadata AS entry", "entry.job")
             }
         };
-        let id = if self.metadata.is_empty() { "jobs.id" } else { "first.job" };
         for (key, value) in metadata {
-            let entry = "SELECT 1 FROM job_metadata WHERE key = ? AND value = ? AND job = jobs.id";
-            conditions.push(format!("EXISTS ({entry})"));
+            let other =
+                "SELECT 1 FROM job_metadata WHERE key = ? AND value = ? AND job = entry.job";
+            conditions.push(format!("EXISTS ({other})"));
             values.extend([key.as_str(), value.as_str()]);
         }
         if !self.status.is_empty() {
-            conditions.push(format!("jobs.status IN ({})", placeholders(self.status.len())));
+            conditions.push(format!("entry.status IN ({})", placeholders(self.status.len())));
             values.extend(self.status.iter().map(|status| status.name()));
         }
         if !self.kind.is_empty() {
-            conditions.push(format!("jobs.kind IN ({})", placeholders(self.kind.len())));
+            conditions.push(format!("entry.kind IN ({})", placeholders(self.kind.len())));
             values.extend(self.kind.iter().map(|kind| kind.name()));
         }
         let (sign, order) = if self.oldest_first { (">", "ASC") } else { ("<", "DESC") };

@@ -49,23 +49,26 @@ async fn write_job(
     Ok(())
 }
 
-/// Replaces the metadata of a job in the index that filters of lists read.
+/// Replaces the metadata of a job in the table that filters of lists read.
 async fn write_metadata(
     transaction: &mut Transaction<'static, Sqlite>,
-    id: &str,
-    metadata: &Map<String, Value>,
+    job: &Job,
 ) -> Result<(), StoreError> {
     sqlx::query("DELETE FROM job_metadata WHERE job = ?")
-        .bind(id)
+        .bind(&job.id)
         .execute(&mut **transaction)
         .await?;
-    for (key, value) in metadata {
-        sqlx::query("INSERT INTO job_metadata (key, value, job) VALUES (?, ?, ?)")
-            .bind(key)
-            .bind(value.as_str().unwrap_or_default())
-            .bind(id)
-            .execute(&mut **transaction)
-            .await?;
+    for (key, value) in &job.metadata {
+        sqlx::query(
+            "INSERT INTO job_metadata (key, value, job, kind, status) VALUES (?, ?, ?, ?, ?)",
+        )
+        .bind(key)
+        .bind(value.as_str().unwrap_or_default())
+        .bind(&job.id)
+        .bind(job.kind().name())
+        .bind(job.status.name())
+        .execute(&mut **transaction)
+        .await?;
     }
     Ok(())
 }
@@ -148,7 +151,7 @@ impl Store {
             .await?;
         }
         write_job(&mut transaction, job).await?;
-        write_metadata(&mut transaction, &job.id, &job.metadata).await?;
+        write_metadata(&mut transaction, job).await?;
         let event = NewEvent::new(EventType::Status, "queued", json!({ "status": job.status }));
         let last = events::append(&mut transaction, &job.id, &[event]).await?;
         transaction.commit().await?;
@@ -190,7 +193,7 @@ impl Store {
             write_job(&mut transaction, &job).await?;
         }
         if after["metadata"] != before["metadata"] {
-            write_metadata(&mut transaction, id, &job.metadata).await?;
+            write_metadata(&mut transaction, &job).await?;
         }
         let last = events::append(&mut transaction, id, &events).await?;
         if events.iter().any(|event| event.kind == EventType::Metric) {

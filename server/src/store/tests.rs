@@ -25,23 +25,30 @@ async fn store_writes_again_after_a_transaction_failed_on_a_full_disk() {
     let folder = tempfile::tempdir().unwrap();
     let store = Store::open(folder.path()).await.unwrap();
     store.create(&job(), None).await.unwrap();
-    // SQLite reports a full disk at this number of pages. The limit ends with the connection.
-    let pages: i64 =
-        sqlx::query_scalar("PRAGMA page_count").fetch_one(&store.writer).await.unwrap();
-    let limit = sqlx::AssertSqlSafe(format!("PRAGMA max_page_count = {pages}"));
-    sqlx::query(limit).execute(&store.writer).await.unwrap();
-    let failure = async {
-        loop {
-            if let Err(error) = store.create(&job(), None).await {
-                return error;
-            }
-        }
+    let set_limit = async |pages: i64| {
+        let limit = sqlx::AssertSqlSafe(format!("PRAGMA max_page_count = {pages}"));
+        sqlx::query(limit).execute(&store.writer).await.unwrap();
     };
-    let failure = failure.await;
-    assert!(failure.is_disk_full(), "{failure}");
-    store.create(&job(), None).await.unwrap();
-    store.check_writable().await.unwrap();
+    // The statement that fails, and whether SQLite ends its transaction, depend on the number of free pages.
+    for free_pages in 0..6 {
+        // SQLite reports a full disk at this number of pages.
+        let pages: i64 =
+            sqlx::query_scalar("PRAGMA page_count").fetch_one(&store.writer).await.unwrap();
+        set_limit(pages + free_pages).await;
+        let failure = loop {
+            if let Err(error) = store.create(&job(), None).await {
+                break error;
+            }
+        };
+        assert!(failure.is_disk_full(), "{failure}");
+        set_limit(MAX_PAGES).await;
+        store.create(&job(), None).await.unwrap();
+        store.check_writable().await.unwrap();
+    }
 }
+
+/// Default limit of SQLite.
+const MAX_PAGES: i64 = 0xffff_fffe;
 
 /// A server, its scheduler and its folder.
 async fn server() -> (Router, std::sync::Arc<JobScheduler>, tempfile::TempDir) {
@@ -59,11 +66,11 @@ async fn server() -> (Router, std::sync::Arc<JobScheduler>, tempfile::TempDir) {
     (crate::app(state), scheduler, folder)
 }
 
-/// The shortest of 25 durations of a GET request, and its response. Other tests run at the same time.
+/// The shortest of 5 durations of a GET request, and its response. Other tests run at the same time.
 async fn timed(app: &Router, path: &str) -> (Duration, Value) {
     let (mut shortest, mut durations) = (Duration::MAX, Vec::new());
     let mut bytes = Default::default();
-    for _ in 0..25 {
+    for _ in 0..5 {
         let start = Instant::now();
         let request = Request::get(format!("/api/v1{path}")).body(Body::empty()).unwrap();
         let response = app.clone().oneshot(request).await.unwrap();
@@ -130,7 +137,8 @@ async fn filtered_lists_of_10000_jobs_are_read_within_10_ms() {
              json_set(record, '$.id', printf('job_0%031d', n), '$.name', printf('%.*c', 200, 'x'),
                  '$.status', iif(n % 1000 = 0, 'failed', 'succeeded'))
          FROM jobs, numbers;
-         INSERT INTO job_metadata SELECT 'of', iif(status = 'failed', 'rare', 'frequent'), id FROM jobs
+         INSERT INTO job_metadata
+         SELECT 'of', iif(status = 'failed', 'rare', 'frequent'), id, kind, status FROM jobs
          WHERE id LIKE 'job_0000%';",
     )
     .execute(&scheduler.store.writer)
@@ -146,12 +154,11 @@ async fn filtered_lists_of_10000_jobs_are_read_within_10_ms() {
         ("?metadata[of]=rare", 10),
         ("?metadata[of]=frequent&order=asc", 20),
         ("?metadata[of]=frequent&status=failed", 0),
+        ("?metadata[of]=frequent&kind=dataset.generate", 0),
         ("?metadata[of]=absent", 0),
     ] {
         let (duration, jobs) = timed(&app, &format!("/jobs{query}")).await;
         assert_eq!(jobs["data"].as_array().unwrap().len(), count, "{query}");
-        // A frequent metadata entry with a rare status reads all jobs with that entry.
-        let limit = if query.contains("frequent&status") { 40 } else { 10 };
-        assert!(duration <= Duration::from_millis(limit), "{query}: {duration:?}");
+        assert!(duration <= Duration::from_millis(10), "{query}: {duration:?}");
     }
 }

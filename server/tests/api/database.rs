@@ -41,7 +41,8 @@ async fn database_of_the_first_version_is_updated() {
     // Back to the state of the first version.
     execute(
         folder.path(),
-        "DROP TABLE _sqlx_migrations; DROP TABLE job_metadata; DROP TABLE metric_chunks; DROP TABLE readiness;
+        "DROP TABLE _sqlx_migrations; DROP TRIGGER job_metadata_status; DROP TABLE job_metadata;
+         DROP TABLE metric_chunks; DROP TABLE readiness;
          DROP INDEX jobs_by_id; DROP INDEX records_by_model; DROP INDEX artifact_names_by_hash;
          ALTER TABLE records DROP COLUMN model;
          INSERT INTO records (id, kind, record)

@@ -2575,7 +2575,10 @@ export interface operations {
                 /** @description Also delete its files, except those of models */
                 artifacts?: boolean;
             };
-            header?: never;
+            header?: {
+                /** @description ETag of the job; another version is rejected with 412 */
+                "If-Match"?: string | null;
+            };
             path: {
                 /** @description Id of the job */
                 id: string;
@@ -2632,7 +2635,10 @@ export interface operations {
     jobs_patch: {
         parameters: {
             query?: never;
-            header?: never;
+            header?: {
+                /** @description ETag of the job; another version is rejected with 412 */
+                "If-Match"?: string | null;
+            };
             path: {
                 /** @description Id of the job */
                 id: string;
