@@ -192,6 +192,7 @@ export const FILES = {
   cannotOpen: (archive: string, why: string) => `${archive} cannot be opened: ${why}`,
   noMesh: (archive: string) => `${archive} contains no ${MESH_FORMATS} file`,
   encrypted: "it is encrypted",
+  noArchiveCode: "the code for ZIP files could not be downloaded",
   unknownCompression: (file: string) => `${file} uses an unsupported compression method`,
   entryTooLarge: (file: string) => `${file} is larger than 250 MB`,
   totalTooLarge: "its files exceed 500 MB in total",

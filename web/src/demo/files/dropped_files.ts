@@ -3,8 +3,8 @@
 import { MESH_EXTENSIONS } from "../../common/constants";
 import { FILES } from "../app/strings";
 import { embedBuffers } from "./gltf_buffers";
+import { MAX_FILES } from "./mesh_store";
 import type { ArchiveFile } from "./zip";
-import { MAX_FILES, unzip } from "./zip";
 
 // Extensions that the worker reads: meshes, archives of meshes, recordings.
 const READABLE = new RegExp(`\\.(${[...MESH_EXTENSIONS, "json", "zip", "gz"].join("|")})$`, "i");
@@ -95,10 +95,18 @@ function withUniqueNames(files: File[]): File[] {
 }
 
 async function unpack(archive: File): Promise<ArchiveFile[]> {
-  const files = await unzip(archive, (name) => isNeeded(name) && !ARCHIVE.test(name)).catch((error: unknown) => {
+  const files = await unzip(archive).catch((error: unknown) => {
     const why = error instanceof Error ? error.message : String(error);
     throw new Error(FILES.cannotOpen(archive.name, why));
   });
   if (!files.some(({ file }) => READABLE.test(file.name))) throw new Error(FILES.noMesh(archive.name));
   return files;
+}
+
+// The code for archives is downloaded when the first one is opened.
+async function unzip(archive: File): Promise<ArchiveFile[]> {
+  const zip = await import("./zip").catch(() => {
+    throw new Error(FILES.noArchiveCode);
+  });
+  return zip.unzip(archive, (name) => isNeeded(name) && !ARCHIVE.test(name));
 }

@@ -2,7 +2,9 @@
 // with the page.
 
 import type { ImportOptions } from "../worker/messages";
-import { MAX_FILES } from "./zip";
+
+// Maximum number of meshes per upload, and in the store.
+export const MAX_FILES = 50;
 
 const DATABASE = "ngf-grasp";
 const MESHES = "meshes";

@@ -4,8 +4,6 @@ import { BlobReader, BlobWriter, ERR_ENCRYPTED, ERR_UNSUPPORTED_COMPRESSION, Zip
 import type { FileEntry } from "@zip.js/zip.js/lib/zip-core-native.js";
 import { FILES } from "../app/strings";
 
-// Maximum number of meshes per upload, and in the mesh store.
-export const MAX_FILES = 50;
 // Maximum number of unpacked entries, including those that are no mesh.
 const MAX_ENTRIES = 1000;
 // Maximum size of one file (bytes); the worker rejects larger ones.

@@ -3,8 +3,7 @@
 
 import { element, h } from "../../common/dom";
 import { droppedFiles, isRecording, readableFiles } from "../files/dropped_files";
-import { MeshStore } from "../files/mesh_store";
-import { MAX_FILES } from "../files/zip";
+import { MAX_FILES, MeshStore } from "../files/mesh_store";
 import type { ImportOptions } from "../worker/messages";
 import type { ObjectLoaded, Ready, Shape } from "../worker/protocol";
 import { thumbnail } from "./thumbnail";
