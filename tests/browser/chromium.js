@@ -10,7 +10,7 @@ export const root = fileURLToPath(new URL("../..", import.meta.url));
 export const program = process.env.NGF ?? `${root}target/debug/ngf`;
 const browserProgram = process.env.CHROMIUM ?? "/usr/bin/chromium";
 const axe = readFileSync(new URL("node_modules/axe-core/axe.min.js", import.meta.url), "utf8");
-const screenshots = process.env.SCREENSHOTS ?? `${root}target/screenshots`;
+export const screenshots = process.env.SCREENSHOTS ?? `${root}target/screenshots`;
 
 // Timeout (ms); software rendering draws only a few frames per second.
 export const TIMEOUT_MS = 120_000;

@@ -3,7 +3,7 @@
 use crate::chromium;
 use crate::stages::StageRunner;
 use crate::workspace::{Workspace, run};
-use crate::{api_checks, python, tools, web_build};
+use crate::{api_checks, demo, engines, python, tools, web_build};
 use anyhow::Result;
 use std::path::PathBuf;
 use std::process::Command;
@@ -69,6 +69,8 @@ pub(crate) fn test(workspace: &Workspace) -> Result<bool> {
 pub(crate) enum LongCheck {
     /// Compare 100 attempts in the browser with native ones, bit for bit.
     Parity,
+    /// Run attempts in Firefox and WebKitGTK, and compare them with native ones, bit for bit.
+    Engines,
     /// Kill workers and servers, 100 concurrent readers, 10,000 uploads, stalled request bodies.
     Jobs,
     /// Fuzz the HTTP API from its OpenAPI description.
@@ -99,6 +101,12 @@ pub(crate) fn stress(workspace: &Workspace, selection: &[LongCheck]) -> Result<b
             tests.args(["--test", "attempts", "--", "--nocapture"]);
             tests.env("NGF_ATTEMPTS", "50").env("WASM_BINDGEN_TEST_TIMEOUT", LONG_TEST_SECONDS);
             stages.count(&mut tests)
+        });
+    }
+    if is_selected(LongCheck::Engines) {
+        stages.stage("engines", |stages| {
+            demo::build(workspace)?;
+            stages.count(&mut engines::command(workspace)?)
         });
     }
     if is_selected(LongCheck::Jobs) {

@@ -1,6 +1,7 @@
 //! Chromium and chromedriver for browser tests.
 
-use crate::workspace::{Workspace, output_of, run};
+use crate::debian::{self, on_path};
+use crate::workspace::{Workspace, output_of};
 use anyhow::{Context, Result, bail};
 use std::path::PathBuf;
 use std::process::Command;
@@ -33,21 +34,8 @@ pub(crate) fn find(workspace: &Workspace) -> Result<Chromium> {
 }
 
 fn install(workspace: &Workspace) -> Result<()> {
-    const HINT: &str = "install Chromium and its driver: apt-get install chromium chromium-driver";
-    if on_path(&["apt-get"]).is_none() || output_of(&mut workspace.command("id", &["-u"]))? != "0" {
-        bail!(HINT);
-    }
-    let packages = ["install", "-y", "--no-install-recommends", "chromium", "chromium-driver"];
-    run(&mut workspace.command("apt-get", &["update", "-q"])).context(HINT)?;
-    run(workspace.command("apt-get", &packages).env("DEBIAN_FRONTEND", "noninteractive"))
-        .context(HINT)
-}
-
-fn on_path(names: &[&str]) -> Option<PathBuf> {
-    let path = std::env::var_os("PATH")?;
-    let folders: Vec<PathBuf> = std::env::split_paths(&path).collect();
-    let mut candidates = names.iter().flat_map(|name| folders.iter().map(move |f| f.join(name)));
-    candidates.find(|path| path.is_file())
+    let hint = "install Chromium and its driver: apt-get install chromium chromium-driver";
+    debian::install(workspace, &["chromium", "chromium-driver"], hint)
 }
 
 /// Major version: 156 for "Chromium 156.0.7100.0 built on Debian".

@@ -21,19 +21,26 @@ pub(crate) fn wasm_target(workspace: &Workspace) -> Result<()> {
     )
 }
 
-/// Version of cargo-deny, which checks licences and sources of third-party crates.
-const CARGO_DENY: &str = "0.20.2";
-
-/// Program of cargo-deny, built below the target folder if it is missing.
+/// cargo-deny, which checks licences and sources of third-party crates.
 pub(crate) fn cargo_deny(workspace: &Workspace) -> Result<PathBuf> {
-    let folder = workspace.target.join("tools").join(format!("cargo-deny-{CARGO_DENY}"));
-    let program = folder.join("bin/cargo-deny").with_extension(std::env::consts::EXE_EXTENSION);
+    installed(workspace, "cargo-deny", "0.20.2")
+}
+
+/// The WebDriver of Firefox.
+pub(crate) fn geckodriver(workspace: &Workspace) -> Result<PathBuf> {
+    installed(workspace, "geckodriver", "0.37.1")
+}
+
+/// Program of a crate, built below the target folder if it is missing.
+fn installed(workspace: &Workspace, name: &str, version: &str) -> Result<PathBuf> {
+    let folder = workspace.target.join("tools").join(format!("{name}-{version}"));
+    let program = folder.join("bin").join(name).with_extension(std::env::consts::EXE_EXTENSION);
     if !program.exists() {
         // Unoptimised: the build takes longer than all runs.
-        let install = ["install", "cargo-deny", "--version", CARGO_DENY, "--locked", "--debug"];
+        let install = ["install", name, "--version", version, "--locked", "--debug"];
         let mut cargo = workspace.cargo(&install);
         run(cargo.arg("--quiet").arg("--root").arg(&folder))
-            .context("cannot install cargo-deny")?;
+            .with_context(|| format!("cannot install {name}"))?;
     }
     Ok(program)
 }
