@@ -5,6 +5,7 @@
 
 mod colliders;
 pub mod config;
+mod convex_dispatcher;
 pub mod depth_camera;
 pub mod depth_noise;
 pub mod depth_sensor;

@@ -2,13 +2,16 @@
 
 use crate::colliders;
 use crate::config::{SceneConfig, SceneError, vec3};
+use crate::convex_dispatcher::ConvexDispatcher;
 use crate::links::mass_properties;
 use crate::scene::DragSpring;
 use crate::simulation::{ContactForce, ContactState};
 use geometry::{Pose, Vec3};
 use nalgebra::Matrix3;
 use objects::object::Object;
-use rapier3d::prelude::{ColliderHandle, PhysicsWorld, RigidBodyBuilder, RigidBodyHandle};
+use rapier3d::prelude::{
+    ColliderHandle, NarrowPhase, PhysicsWorld, RigidBodyBuilder, RigidBodyHandle,
+};
 
 pub(crate) struct TabletopWorld {
     pub(crate) world: PhysicsWorld,
@@ -33,7 +36,7 @@ impl TabletopWorld {
         config: &SceneConfig,
         table: RigidBodyBuilder,
     ) -> (PhysicsWorld, TableHandles) {
-        let mut world = PhysicsWorld { gravity: GRAVITY, ..Default::default() };
+        let mut world = empty_world();
         let parameters = &mut world.integration_parameters;
         parameters.dt = config.physics_dt() as f32;
         parameters.num_solver_iterations = config.physics.solver_iterations;
@@ -180,3 +183,22 @@ impl TabletopWorld {
 
 /// Gravitational acceleration (m/s²).
 pub(crate) const GRAVITY: Vec3 = Vec3::new(0.0, 0.0, -9.81);
+
+/// A world whose colliders are convex. `PhysicsWorld::default` would link parry's dispatcher of all shapes.
+fn empty_world() -> PhysicsWorld {
+    PhysicsWorld {
+        gravity: GRAVITY,
+        integration_parameters: Default::default(),
+        physics_pipeline: Default::default(),
+        collision_pipeline: Default::default(),
+        islands: Default::default(),
+        broad_phase: Default::default(),
+        narrow_phase: NarrowPhase::with_query_dispatcher(ConvexDispatcher),
+        bodies: Default::default(),
+        colliders: Default::default(),
+        impulse_joints: Default::default(),
+        multibody_joints: Default::default(),
+        soft_bodies: Default::default(),
+        ccd_solver: Default::default(),
+    }
+}
