@@ -50,12 +50,13 @@ pub(crate) fn start() {
         post(&Event::Failure(failure));
         return;
     }
-    let on_message = Closure::<dyn FnMut(MessageEvent)>::new(|event: MessageEvent| {
-        match serde_wasm_bindgen::from_value(event.data()) {
+    let on_message =
+        Closure::<dyn FnMut(MessageEvent)>::new(|event: MessageEvent| match Request::from_message(
+            &event.data(),
+        ) {
             Ok(message) => with_worker(|worker| worker.receive(message)),
             Err(error) => post(&Event::Failure(invalid_message(&error))),
-        }
-    });
+        });
     scope().set_onmessage(Some(on_message.into_js_value().unchecked_ref()));
 }
 

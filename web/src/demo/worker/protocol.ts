@@ -260,7 +260,7 @@ export type Failure = { code: string, message: string, hint: string, };
 export type WorkerEvent = { "kind": "ready" } & Ready | { "kind": "object" } & ObjectLoaded | { "kind": "frame" } & Frame | { "kind": "telemetry", samples: Array<TelemetrySample>, } | { "kind": "cloud" } & Cloud | { "kind": "progress" } & Progress | { "kind": "model" } & Model | { "kind": "outcome" } & Outcome | { "kind": "attemptFinished" } & AttemptFinished | { "kind": "batchFinished", batchId: number, } | { "kind": "graspsFound" } & GraspsFound | { "kind": "file" } & SavedFile | { "kind": "failure" } & Failure;
 
 /**
- * Request of the page.
+ * Request of the page. In JavaScript, `kind` is a field next to the others.
  */
 export type WorkerRequest = { "kind": "loadObject", object: string, } | { "kind": "upload", fileName: string, bytes: ArrayBuffer, unit: Unit | null,
 /**
