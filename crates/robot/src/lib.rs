@@ -30,6 +30,7 @@ pub mod rotation;
 pub mod spline;
 pub mod tree;
 mod urdf;
+mod xml_element;
 
 pub use description::RobotDescription;
 pub use hand_model::HandModel;

@@ -7,7 +7,7 @@ use crate::collision_spheres::{self, SphereRow};
 use crate::description::RobotDescription;
 use crate::hand_model::{HandModel, LinkRole};
 use crate::limits::JointLimits;
-use crate::urdf::{self, UrdfError, UrdfLink};
+use crate::urdf::{Urdf, UrdfError, UrdfLink};
 use crate::{ARM_DOF, DOF, Isometry, JointVector, NUM_FINGERS, Vector};
 use nalgebra::Matrix3;
 use std::collections::BTreeMap;
@@ -124,24 +124,29 @@ pub enum Primitive {
 }
 
 impl KinematicTree {
-    /// The robot of this project: [`RobotDescription::STANDARD`].
+    /// The robot of this project: [`RobotDescription::STANDARD`], whose URDF was parsed at compile time.
     pub fn iiwa7_allegro() -> Result<Self, UrdfError> {
-        Self::load(&RobotDescription::STANDARD)
+        let urdf = Urdf::parse_json(include_str!(concat!(env!("OUT_DIR"), "/urdf.json")))?;
+        Self::combine(&urdf, &RobotDescription::STANDARD)
     }
 
     /// Builds the tree from the texts of a robot folder. The URDF requires 7 arm joints followed by 4 x 4 hand
     /// joints, and the links that the hand file names.
     pub fn load(description: &RobotDescription) -> Result<Self, UrdfError> {
+        Self::combine(&Urdf::parse(description.urdf)?, description)
+    }
+
+    fn combine(urdf: &Urdf, description: &RobotDescription) -> Result<Self, UrdfError> {
         let hand = HandModel::parse(description.hand)?;
         let spheres = collision_spheres::parse(description.collision_spheres)?;
-        let tree = Self::build(description.urdf, hand, spheres)?;
+        let tree = Self::build(urdf, hand, spheres)?;
         tree.hand.check(&tree)?;
         tree.collision_spheres()?;
         Ok(tree)
     }
 
-    fn build(text: &str, hand: HandModel, spheres: Vec<SphereRow>) -> Result<Self, UrdfError> {
-        let (links, joints) = urdf::parse(text)?;
+    fn build(urdf: &Urdf, hand: HandModel, spheres: Vec<SphereRow>) -> Result<Self, UrdfError> {
+        let Urdf { links, joints } = urdf;
         let mut link_of: BTreeMap<&str, &UrdfLink> =
             links.iter().map(|link| (link.name.as_str(), link)).collect();
         let mut take_link = |name: &str| {
@@ -159,7 +164,7 @@ impl KinematicTree {
         frames.insert(root.parent.clone(), Frame::origin_of(0));
         let mut revolute = Vec::new();
         let mut joint_limits = Vec::new();
-        for joint in &joints {
+        for joint in joints {
             let Some(&parent) = frames.get(&joint.parent) else {
                 return Err(UrdfError::Tree(format!(
                     "joint {}: parent {} is not the child of an earlier joint",
@@ -304,6 +309,14 @@ mod tests {
         };
         assert!(moves(0, index_tip) && moves(ARM_DOF, index_tip));
         assert!(!moves(ARM_DOF, thumb_tip) && !moves(ARM_DOF, tree.palm.body));
+    }
+
+    #[test]
+    fn embedded_robot_equals_that_of_the_urdf() {
+        let embedded = KinematicTree::iiwa7_allegro().unwrap();
+        let loaded = KinematicTree::load(&RobotDescription::STANDARD).unwrap();
+        let value = |tree: &KinematicTree| serde_json::to_value(tree).unwrap();
+        assert_eq!(value(&embedded), value(&loaded));
     }
 
     #[test]

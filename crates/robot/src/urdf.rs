@@ -2,16 +2,16 @@
 
 use crate::hand_model::LinkRole;
 use crate::tree::{CollisionShape, Primitive};
+use crate::xml_element::Element;
 use crate::{Isometry, Vector, rotation};
 use nalgebra::Matrix3;
-use roxmltree::{Document, Node};
 
 /// Error in a robot description.
 #[derive(Debug, thiserror::Error)]
 pub enum UrdfError {
     /// The text is not XML.
     #[error("the robot description is not well-formed XML: {0}")]
-    Xml(#[from] roxmltree::Error),
+    Xml(String),
     /// An element or attribute is missing or cannot be parsed.
     #[error("robot description, line {line}: <{element}> needs {wanted}, found {found}")]
     Element {
@@ -49,16 +49,35 @@ pub(crate) struct UrdfJoint {
     pub(crate) axis_and_limits: Option<(Vector, [f64; 5])>,
 }
 
-pub(crate) fn parse(text: &str) -> Result<(Vec<UrdfLink>, Vec<UrdfJoint>), UrdfError> {
-    let document = Document::parse(text)?;
-    let robot = document.root_element();
-    let named = |name: &'static str| robot.children().filter(move |n| n.has_tag_name(name));
-    let links = named("link").map(parse_link).collect::<Result<_, _>>()?;
-    let joints = named("joint").map(parse_joint).collect::<Result<_, _>>()?;
-    Ok((links, joints))
+/// Links and joints of a URDF document.
+pub(crate) struct Urdf {
+    pub(crate) links: Vec<UrdfLink>,
+    pub(crate) joints: Vec<UrdfJoint>,
 }
 
-fn parse_link(node: Node) -> Result<UrdfLink, UrdfError> {
+impl Urdf {
+    pub(crate) fn parse(text: &str) -> Result<Self, UrdfError> {
+        Self::read(&Element::parse(text).map_err(|error| UrdfError::Xml(error.to_string()))?)
+    }
+
+    /// Parses an element tree in JSON, as written by `build.rs`.
+    pub(crate) fn parse_json(text: &str) -> Result<Self, UrdfError> {
+        let robot = serde_json::from_slice(text.as_bytes());
+        Self::read(&robot.map_err(|error| UrdfError::Xml(error.to_string()))?)
+    }
+
+    fn read(robot: &Element) -> Result<Self, UrdfError> {
+        let links = named(robot, "link").map(parse_link).collect::<Result<_, _>>()?;
+        let joints = named(robot, "joint").map(parse_joint).collect::<Result<_, _>>()?;
+        Ok(Self { links, joints })
+    }
+}
+
+fn named<'a>(parent: &'a Element, name: &'static str) -> impl Iterator<Item = &'a Element> {
+    parent.children.iter().filter(move |child| child.name == name)
+}
+
+fn parse_link(node: &Element) -> Result<UrdfLink, UrdfError> {
     let name = attribute(node, "name")?.to_owned();
     let mut link = UrdfLink {
         name: name.clone(),
@@ -76,12 +95,12 @@ fn parse_link(node: Node) -> Result<UrdfLink, UrdfError> {
         let (xy, xz, yz) = (entry("ixy")?, entry("ixz")?, entry("iyz")?);
         link.inertia = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
     }
-    for collision in node.children().filter(|n| n.has_tag_name("collision")) {
+    for collision in named(node, "collision") {
         let geometry = find_child(collision, "geometry")?;
-        let Some(node) = geometry.children().find(Node::is_element) else {
+        let Some(node) = geometry.children.first() else {
             return Err(element_error(geometry, "a shape", "nothing"));
         };
-        let geometry = match node.tag_name().name() {
+        let geometry = match node.name.as_str() {
             "box" => {
                 Primitive::Box { half_extents: 0.5 * Vector::from(finite_triple(node, "size")?) }
             }
@@ -105,7 +124,7 @@ fn parse_link(node: Node) -> Result<UrdfLink, UrdfError> {
     Ok(link)
 }
 
-fn parse_joint(node: Node) -> Result<UrdfJoint, UrdfError> {
+fn parse_joint(node: &Element) -> Result<UrdfJoint, UrdfError> {
     let motion = match attribute(node, "type")? {
         "fixed" => None,
         "revolute" => {
@@ -129,9 +148,9 @@ fn parse_joint(node: Node) -> Result<UrdfJoint, UrdfError> {
     })
 }
 
-fn parse_origin(node: Node) -> Result<Isometry, UrdfError> {
+fn parse_origin(node: &Element) -> Result<Isometry, UrdfError> {
     let Ok(origin) = find_child(node, "origin") else { return Ok(Isometry::identity()) };
-    let vector = |key| match origin.attribute(key) {
+    let vector = |key| match find_attribute(origin, key) {
         Some(_) => finite_triple(origin, key),
         None => Ok([0.0; 3]),
     };
@@ -139,20 +158,21 @@ fn parse_origin(node: Node) -> Result<Isometry, UrdfError> {
     Ok(Isometry::from_parts(translation.into(), rotation::from_rpy(vector("rpy")?)))
 }
 
-fn find_child<'a, 'input>(
-    node: Node<'a, 'input>,
-    name: &str,
-) -> Result<Node<'a, 'input>, UrdfError> {
-    node.children()
-        .find(|n| n.has_tag_name(name))
-        .ok_or_else(|| element_error(node, &format!("a <{name}>"), "none"))
+fn find_child<'a>(node: &'a Element, name: &'static str) -> Result<&'a Element, UrdfError> {
+    named(node, name).next().ok_or_else(|| element_error(node, &format!("a <{name}>"), "none"))
 }
 
-fn attribute<'a>(node: Node<'a, '_>, key: &str) -> Result<&'a str, UrdfError> {
-    node.attribute(key).ok_or_else(|| element_error(node, &format!("the attribute {key}"), "none"))
+fn find_attribute<'a>(node: &'a Element, key: &str) -> Option<&'a str> {
+    let (_, value) = node.attributes.iter().find(|(name, _)| name == key)?;
+    Some(value)
 }
 
-fn finite_number(node: Node, key: &str) -> Result<f64, UrdfError> {
+fn attribute<'a>(node: &'a Element, key: &str) -> Result<&'a str, UrdfError> {
+    find_attribute(node, key)
+        .ok_or_else(|| element_error(node, &format!("the attribute {key}"), "none"))
+}
+
+fn finite_number(node: &Element, key: &str) -> Result<f64, UrdfError> {
     let value = attribute(node, key)?;
     match value.parse::<f64>() {
         Ok(number) if number.is_finite() => Ok(number),
@@ -160,7 +180,7 @@ fn finite_number(node: Node, key: &str) -> Result<f64, UrdfError> {
     }
 }
 
-fn finite_triple(node: Node, key: &str) -> Result<[f64; 3], UrdfError> {
+fn finite_triple(node: &Element, key: &str) -> Result<[f64; 3], UrdfError> {
     let value = attribute(node, key)?;
     let parts: Result<Vec<f64>, _> = value.split_whitespace().map(str::parse).collect();
     match <[f64; 3]>::try_from(parts.unwrap_or_default()) {
@@ -169,10 +189,10 @@ fn finite_triple(node: Node, key: &str) -> Result<[f64; 3], UrdfError> {
     }
 }
 
-fn element_error(node: Node, wanted: &str, found: &str) -> UrdfError {
+fn element_error(node: &Element, wanted: &str, found: &str) -> UrdfError {
     UrdfError::Element {
-        line: node.document().text_pos_at(node.range().start).row,
-        element: node.tag_name().name().to_owned(),
+        line: node.line,
+        element: node.name.clone(),
         wanted: wanted.to_owned(),
         found: found.to_owned(),
     }
