@@ -95,7 +95,7 @@ async fn fetch_list(base: &str) -> Result<ModelList, Failure> {
 async fn fetch_list_from(url: &str) -> Result<ModelList, Failure> {
     let text = fetch_ok(url).await?.text().map_err(|e| connection_error(&e))?;
     let text = with_timeout(text).await?;
-    serde_json::from_str(&text.as_string().unwrap_or_default())
+    serde_json::from_slice(text.as_string().unwrap_or_default().as_bytes())
         .map_err(|error| download_error(&format!("the model list is invalid: {error}")))
 }
 

@@ -46,8 +46,9 @@ enum Axis {
 
 /// Visual meshes of all bodies; an error if the profile file is invalid.
 pub(crate) fn link_visuals(tree: &KinematicTree) -> Result<Vec<LinkVisual>, serde_json::Error> {
-    let profile: Profile =
-        serde_json::from_str(include_str!("../../assets/robot/iiwa7_allegro/visual_profile.json"))?;
+    let profile: Profile = serde_json::from_slice(include_bytes!(
+        "../../assets/robot/iiwa7_allegro/visual_profile.json"
+    ))?;
     let mut parts = Vec::new();
     for (index, body) in tree.bodies.iter().enumerate() {
         let cover = profile.links.get(&body.name);

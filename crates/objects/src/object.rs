@@ -85,7 +85,8 @@ impl PlacedLoft {
 impl ObjectFile {
     /// Parses an object file in JSON, as written by `build.rs`; the error message names the invalid value.
     pub fn parse(text: &str) -> Result<Self, String> {
-        let mut file: Self = serde_json::from_str(text).map_err(|error| error.to_string())?;
+        let mut file: Self =
+            serde_json::from_slice(text.as_bytes()).map_err(|error| error.to_string())?;
         if file.sections.is_some() != file.lofts.is_empty() {
             return Err("an object needs either sections or lofts, not both".into());
         }

@@ -183,7 +183,8 @@ pub fn nearest_start<'a>(
 /// Object name of each row; `wanted` is the number of rows.
 fn parse_object_names(text: &str, wanted: usize) -> Result<Vec<Option<Arc<str>>>, WeightsError> {
     let malformed = |error: serde_json::Error| WeightsError::ObjectNames(error.to_string());
-    let objects: Vec<(String, usize)> = serde_json::from_str(text).map_err(malformed)?;
+    let objects: Vec<(String, usize)> =
+        serde_json::from_slice(text.as_bytes()).map_err(malformed)?;
     let found = objects.iter().fold(0, |sum: usize, (_, count)| sum.saturating_add(*count));
     if found != wanted {
         return Err(WeightsError::ObjectNames(format!(

@@ -30,7 +30,7 @@ pub(crate) struct SphereRow {
 
 /// Parses `collision_spheres.json` in the folder of a robot.
 pub(crate) fn parse(text: &str) -> Result<Vec<SphereRow>, UrdfError> {
-    let file: SphereFile = serde_json::from_str(text)
+    let file: SphereFile = serde_json::from_slice(text.as_bytes())
         .map_err(|error| UrdfError::Tree(format!("collision_spheres.json: {error}")))?;
     Ok(file.spheres)
 }

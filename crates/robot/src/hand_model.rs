@@ -193,7 +193,7 @@ impl HandModel {
 
     /// Parses a hand file in JSON.
     pub(crate) fn parse(text: &str) -> Result<Self, UrdfError> {
-        serde_json::from_str(text).map_err(|error| UrdfError::Hand(error.to_string()))
+        serde_json::from_slice(text.as_bytes()).map_err(|error| UrdfError::Hand(error.to_string()))
     }
 
     /// Weight of a joint in the distance of two configurations.

@@ -204,7 +204,7 @@ impl SceneConfig {
 
     /// Parses a scene file in JSON. `build.rs` converts the TOML file to JSON.
     pub fn parse(text: &str) -> Result<Self, SceneError> {
-        Ok(serde_json::from_str(text)?)
+        Ok(serde_json::from_slice(text.as_bytes())?)
     }
 
     /// Home position: arm at home, hand open (rad).

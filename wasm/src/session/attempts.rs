@@ -70,7 +70,7 @@ impl Session {
             return Err(grasp_object_mismatch());
         }
         let grasps: Vec<Grasp> =
-            serde_json::from_str(grasps).map_err(|error| worker_failed(&error))?;
+            serde_json::from_slice(grasps.as_bytes()).map_err(|error| worker_failed(&error))?;
         let PlanarPose { x, y, yaw } = self.pose;
         let LoadedObject { object, name, label, .. } = &self.loaded;
         let name = name.as_ref().unwrap_or(label);

@@ -17,7 +17,7 @@ const GRASP_SETS: &[(&str, &str)] = include!(concat!(env!("OUT_DIR"), "/grasp_se
 /// grasps.
 pub fn catalog_grasps(name: &str) -> Option<GraspSet> {
     let (_, text) = GRASP_SETS.iter().find(|(of, _)| *of == name)?;
-    serde_json::from_str(text).ok()
+    serde_json::from_slice(text.as_bytes()).ok()
 }
 
 #[cfg(test)]
