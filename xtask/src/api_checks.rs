@@ -1,7 +1,7 @@
 //! Checks of the HTTP API with programs of others: validators, a fuzzer, and a generated client.
 
-use crate::python;
 use crate::workspace::{Workspace, run};
+use crate::{python, tools};
 use anyhow::{Context, Result};
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
@@ -52,6 +52,14 @@ pub(crate) fn validate(workspace: &Workspace) -> Result<()> {
     let data = workspace.target.join("tmp/metrics");
     let server = Server::start(workspace, &data, &["--max-jobs", "0"])?;
     run(workspace.command(&python, &["tests/python/metrics.py"]).arg(&server.url))
+}
+
+/// Lints the OpenAPI description.
+pub(crate) fn lint(workspace: &Workspace) -> Result<()> {
+    tools::node(workspace)?;
+    let folder = workspace.browser_tests();
+    tools::npm_packages(workspace, "browser-packages", &folder)?;
+    run(&mut workspace.npm(&folder, &["run", "--silent", "api-lint"]))
 }
 
 /// Sends valid and invalid requests, generated from the OpenAPI description. Fails if a response does not

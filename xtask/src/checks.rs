@@ -73,7 +73,7 @@ pub(crate) enum LongCheck {
     Engines,
     /// Kill workers and servers, 100 concurrent readers, 10,000 uploads, stalled request bodies.
     Jobs,
-    /// Fuzz the HTTP API from its OpenAPI description.
+    /// Lint the OpenAPI description, and fuzz the HTTP API from it.
     Api,
     /// Run the pipeline with a generated Python client, and train LeRobot's policies on its dataset.
     Clients,
@@ -118,6 +118,7 @@ pub(crate) fn stress(workspace: &Workspace, selection: &[LongCheck]) -> Result<b
         });
     }
     if is_selected(LongCheck::Api) {
+        stages.stage("api lint", |_| api_checks::lint(workspace));
         stages.stage("api", |_| api_checks::fuzz(workspace));
     }
     if is_selected(LongCheck::Clients) {

@@ -5,7 +5,7 @@ use super::events::{self, EventType, NewEvent};
 use super::{Store, StoreError, metric_chunks};
 use crate::jobs::{Job, Status};
 use chrono::Utc;
-use serde_json::{Map, Value, json};
+use serde_json::{Value, json};
 use sqlx::{Row, Sqlite, Transaction};
 
 /// Result of a creation request with an idempotency key.
