@@ -25,5 +25,10 @@ ALTER TABLE records ADD COLUMN model TEXT AS
     (CASE WHEN json_valid(record) THEN CAST(json_extract(record, '$.model_id') AS TEXT) END) VIRTUAL;
 CREATE INDEX records_by_model ON records (kind, model, seq);
 
+-- The sizes of all meshes are added up for each upload: from one index, without parsing the records.
+ALTER TABLE records ADD COLUMN bytes INTEGER AS
+    (CASE WHEN json_valid(record) THEN CAST(json_extract(record, '$.bytes') AS INTEGER) END) VIRTUAL;
+CREATE INDEX records_by_bytes ON records (kind, bytes);
+
 -- The deletion of a file asks for other owners of its contents.
 CREATE INDEX artifact_names_by_hash ON artifact_names (hash);

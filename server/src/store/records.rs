@@ -63,13 +63,11 @@ impl Store {
 
     /// Total size of all records of a kind (bytes).
     pub(crate) async fn total_bytes(&self, kind: RecordKind) -> Result<u64, StoreError> {
-        let bytes: i64 = sqlx::query_scalar(
-            "SELECT coalesce(sum(CASE WHEN json_valid(record) THEN json_extract(record, '$.bytes') END), 0)
-             FROM records WHERE kind = ?",
-        )
-        .bind(kind.name())
-        .fetch_one(&self.readers)
-        .await?;
+        let bytes: i64 =
+            sqlx::query_scalar("SELECT coalesce(sum(bytes), 0) FROM records WHERE kind = ?")
+                .bind(kind.name())
+                .fetch_one(&self.readers)
+                .await?;
         Ok(bytes.unsigned_abs())
     }
 

@@ -43,8 +43,9 @@ async fn database_of_the_first_version_is_updated() {
         folder.path(),
         "DROP TABLE _sqlx_migrations; DROP TRIGGER job_metadata_status; DROP TABLE job_metadata;
          DROP TABLE metric_chunks; DROP TABLE readiness;
-         DROP INDEX jobs_by_id; DROP INDEX records_by_model; DROP INDEX artifact_names_by_hash;
-         ALTER TABLE records DROP COLUMN model;
+         DROP INDEX jobs_by_id; DROP INDEX records_by_model; DROP INDEX records_by_bytes;
+         DROP INDEX artifact_names_by_hash;
+         ALTER TABLE records DROP COLUMN model; ALTER TABLE records DROP COLUMN bytes;
          INSERT INTO records (id, kind, record)
          VALUES ('evl_1', 'evaluation', '{\"model_id\": \"default\", \"reports\": []}'),
              ('evl_2', 'evaluation', 'not JSON');",
