@@ -1,9 +1,10 @@
 //! Allowed dependencies between crates, and libraries that are confined to some crates.
 
 use crate::root;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::read_to_string;
 use std::path::{Path, PathBuf};
+use std::process::Command;
 use toml::{Table, Value};
 
 /// Workspace crates that each crate may depend on at run time.
@@ -197,4 +198,31 @@ fn dependency_versions_are_in_the_workspace_manifest() {
             }
         }
     }
+}
+
+/// Crates with their versions and features, without development dependencies or with them.
+fn features(edges: &str) -> BTreeSet<String> {
+    let tree = ["tree", "--workspace", "--locked", "--prefix", "none"];
+    let output = Command::new(env!("CARGO"))
+        .args(tree)
+        .args(["--format", "{p} {f}", "--edges", edges])
+        .current_dir(root())
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let text = String::from_utf8(output.stdout).unwrap();
+    // Repeated crates are marked.
+    text.lines().map(|line| line.trim_end_matches(" (*)").to_owned()).collect()
+}
+
+/// Otherwise, a build of the executables after one of the tests compiles most crates again.
+#[test]
+fn development_dependencies_enable_no_features_of_shared_crates() {
+    let [without, with] = ["normal,build", "normal,build,dev"].map(features);
+    assert!(without.len() > 300, "{} crates", without.len());
+    let different: Vec<&String> = without.difference(&with).collect();
+    assert!(
+        different.is_empty(),
+        "name these crates in [dependencies] of tests/Cargo.toml, with all features: {different:?}"
+    );
 }
