@@ -77,7 +77,8 @@ export async function newPage({ address, browser }, { viewport = WIDE, colorSche
     colorScheme,
     reducedMotion: reducesMotion ? "reduce" : "no-preference",
   });
-  page.setDefaultTimeout(TIMEOUT_MS);
+  // Also for pages that this page opens.
+  page.context().setDefaultTimeout(TIMEOUT_MS);
   const errors = [];
   page.on("console", (message) => {
     if (message.type() === "error") errors.push(message.text());

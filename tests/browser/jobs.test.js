@@ -1,13 +1,14 @@
 // Jobs page and API page: forms, training, evaluation, charts, meshes, accessibility.
 
 import assert from "node:assert/strict";
-import { after, before, test } from "node:test";
+import { after, afterEach, before, test } from "node:test";
 import { a11yViolations, newPage, TIMEOUT_MS, PHONE, screenshot, untilReady } from "./chromium.js";
 import { openJobs, untilStatus, until } from "./jobs_fixture.js";
 import { bottle } from "./meshes.js";
 
 let jobs;
 before(async () => (jobs = await openJobs()));
+afterEach(() => jobs.cancelAll());
 after(() => jobs?.close());
 
 test("dataset job is started with the form, monitored, and a demonstration played", async () => {
@@ -48,7 +49,7 @@ test("training is monitored, tried in the demo while running, paused, resumed, c
   const request = { kind: "policy.evaluate", params: { model_id: encoder.outputs.model_id, object: "sugar_box" } };
   const rejected = await fetch(`${jobs.served.address}/api/v1/jobs?dry_run=true`, { method: "POST", body: JSON.stringify(request) });
   assert.match((await rejected.json()).detail, /is an encoder, not a policy/);
-  const params = { dataset_id, encoder_id: encoder.outputs.model_id, steps: 100_000, batch: 8, checkpoint_every: 100 };
+  const params = { dataset_id, encoder_id: encoder.outputs.model_id, steps: 100_000, batch: 8, checkpoint_every: 25 };
   const { id } = await jobs.api("jobs", { kind: "policy.train", params, name: "A long one" });
 
   const { page, errors } = await jobs.visit(`#jobs/${id}`);
@@ -181,7 +182,7 @@ test("form marks required fields, accepts display names and preselects the newes
 
 test("charts zoom and pan together, on linear and logarithmic axes", async () => {
   const { outputs } = await jobs.runJob("dataset.generate", { preset: "smoke" });
-  const { id } = await jobs.runJob("encoder.train", { dataset_id: outputs.dataset_id, steps: 400, checkpoint_every: 400 });
+  const { id } = await jobs.runJob("encoder.train", { dataset_id: outputs.dataset_id, steps: 400, batch: 8, checkpoint_every: 400 });
   const { page, errors } = await jobs.visit(`#jobs/${id}`);
   const over = page.locator(".chart .u-over");
   await over.nth(1).waitFor();

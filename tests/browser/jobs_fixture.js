@@ -27,11 +27,14 @@ export async function openJobs() {
     return response.json();
   };
 
+  const hasEnded = ({ status }) => ["succeeded", "failed", "cancelled"].includes(status);
+
   // Waits for the end of a job.
   const untilEnded = async (id) => {
-    for (;;) {
+    for (const end = Date.now() + TIMEOUT_MS; ; ) {
       const job = await api(`jobs/${id}?wait=30s`);
-      if (["succeeded", "failed", "cancelled"].includes(job.status)) return job;
+      if (hasEnded(job)) return job;
+      assert.ok(Date.now() < end, `timeout: job ${id} is ${job.status}`);
     }
   };
 
@@ -58,6 +61,11 @@ export async function openJobs() {
     async cancel(id) {
       await api(`jobs/${id}/cancel`, {});
       return untilEnded(id);
+    },
+    // A job that a failed test leaves running would delay the jobs of the next tests.
+    async cancelAll() {
+      const { data } = await api("jobs?limit=100");
+      for (const { id } of data.filter((job) => !hasEnded(job))) await this.cancel(id);
     },
     async uploadMesh(name = "box.obj", body = BOX) {
       const response = await fetch(`${served.address}/api/v1/meshes?name=${name}`, { method: "POST", body });

@@ -99,7 +99,12 @@ pub(crate) fn run_generated_client(workspace: &Workspace) -> Result<()> {
     let mut generate =
         workspace.command(python.with_file_name("openapi-python-client"), &["generate"]);
     generate.args(["--path", DESCRIPTION, "--meta", "none", "--fail-on-warning", "--overwrite"]);
-    run(generate.arg("--output-path").arg(client.join("ngf_grasp_client")))?;
+    generate.arg("--output-path").arg(client.join("ngf_grasp_client"));
+    // The generator formats its code with a program of its own environment.
+    let path = std::env::var_os("PATH").unwrap_or_default();
+    let bin = python.parent().map(Path::to_owned);
+    let path = std::env::join_paths(bin.into_iter().chain(std::env::split_paths(&path)))?;
+    run(generate.env("PATH", path))?;
     let server = Server::start(workspace, &workspace.target.join("tmp/clients"), &[])?;
     let mut pipeline =
         workspace.command(python, &["tests/python/generated_client.py", &server.url]);

@@ -10,8 +10,8 @@ use std::path::Path;
 use std::sync::{Mutex, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 use worker_protocol::{
-    Completion, Directive, Progress, ReportReply, WORKER_CONFIG_ENV, Worker, WorkerConfig,
-    WorkerEvent, WorkerReport,
+    Completion, Directive, MetricValues, Progress, ReportReply, WORKER_CONFIG_ENV, Worker,
+    WorkerConfig, WorkerEvent, WorkerReport, WrittenCheckpoint,
 };
 
 /// Interval between reports.
@@ -136,7 +136,9 @@ pub(crate) fn warn(text: &str) {
 
 /// Sends metrics of a step; `values` contains the member `step`.
 pub(crate) fn metric(values: &Value) {
-    push_event(|| WorkerEvent::Metric(values.as_object().cloned().unwrap_or_default()));
+    push_event(|| {
+        WorkerEvent::Metric(MetricValues(values.as_object().cloned().unwrap_or_default()))
+    });
 }
 
 /// Publishes a model checkpoint after `step` steps. `write` receives a folder inside `out`; the server moves
@@ -160,7 +162,7 @@ pub(crate) fn checkpoint(
         std::fs::rename(&partial, &folder)
             .with_context(|| format!("cannot rename {}", partial.display()))?;
     }
-    push_event(|| WorkerEvent::Checkpoint { step });
+    push_event(|| WorkerEvent::Checkpoint(WrittenCheckpoint { step }));
     Ok(())
 }
 

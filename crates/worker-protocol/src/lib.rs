@@ -18,5 +18,7 @@ mod report;
 mod worker;
 
 pub use progress::Progress;
-pub use report::{Completion, Directive, ReportReply, WorkerEvent, WorkerReport};
+pub use report::{
+    Completion, Directive, MetricValues, ReportReply, WorkerEvent, WorkerReport, WrittenCheckpoint,
+};
 pub use worker::{WORKER_CONFIG_ENV, Worker, WorkerConfig};

@@ -32,13 +32,24 @@ pub enum WorkerEvent {
     Log(String),
     /// Log message at warning level.
     Warning(String),
-    /// Metrics by name; `step` is the training step.
-    Metric(Map<String, Value>),
+    /// Metrics of a training step.
+    Metric(MetricValues),
     /// A checkpoint was written; it can be used as a model.
-    Checkpoint {
-        /// Training step of the checkpoint.
-        step: u64,
-    },
+    Checkpoint(WrittenCheckpoint),
+}
+
+// The contents of the variants are named schemas: generators of clients fail on nested anonymous ones.
+
+/// Metrics by name; `step` is the training step.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct MetricValues(pub Map<String, Value>);
+
+/// A checkpoint that a training wrote.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct WrittenCheckpoint {
+    /// Training step.
+    pub step: u64,
 }
 
 /// Result of a worker.

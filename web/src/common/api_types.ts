@@ -1177,6 +1177,10 @@ export interface components {
         MetricColumns: {
             [key: string]: (number | null)[];
         };
+        /** @description Metrics by name; `step` is the training step. */
+        MetricValues: {
+            [key: string]: unknown;
+        };
         /** @description Model: built in, or trained by a job. */
         Model: {
             /** @description Model card with evaluation results; built-in models only. */
@@ -1817,19 +1821,11 @@ export interface components {
             /** @description Log message at warning level. */
             warning: string;
         } | {
-            /** @description Metrics by name; `step` is the training step. */
-            metric: {
-                [key: string]: unknown;
-            };
+            /** @description Metrics of a training step. */
+            metric: components["schemas"]["MetricValues"];
         } | {
             /** @description A checkpoint was written; it can be used as a model. */
-            checkpoint: {
-                /**
-                 * Format: int64
-                 * @description Training step of the checkpoint.
-                 */
-                step: number;
-            };
+            checkpoint: components["schemas"]["WrittenCheckpoint"];
         };
         /** @description Report of a worker. All members are optional; an empty report only renews the lease. */
         WorkerReport: {
@@ -1856,6 +1852,14 @@ export interface components {
             seq: number;
             /** @default null */
             worker: components["schemas"]["Worker"] | null;
+        };
+        /** @description A checkpoint that a training wrote. */
+        WrittenCheckpoint: {
+            /**
+             * Format: int64
+             * @description Training step.
+             */
+            step: number;
         };
     };
     responses: never;

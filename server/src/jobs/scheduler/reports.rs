@@ -5,7 +5,9 @@ use crate::jobs::{DesiredState, Job, JobError};
 use crate::problem::Problem;
 use crate::store::{EventType, Level, NewEvent};
 use serde_json::json;
-use worker_protocol::{Completion, Directive, Progress, ReportReply, WorkerEvent, WorkerReport};
+use worker_protocol::{
+    Completion, Directive, MetricValues, Progress, ReportReply, WorkerEvent, WorkerReport,
+};
 
 impl JobScheduler {
     /// Applies a report of the worker of a job, and returns the instruction to the worker. After an error of the
@@ -32,7 +34,7 @@ impl JobScheduler {
         let hash = blake3::hash(token.as_bytes());
         // Storing outputs or checkpoints takes longer than the lease, and the worker sends no reports
         // meanwhile.
-        let is_checkpoint = |event: &WorkerEvent| matches!(event, WorkerEvent::Checkpoint { .. });
+        let is_checkpoint = |event: &WorkerEvent| matches!(event, WorkerEvent::Checkpoint(_));
         let has_checkpoints = report.events.iter().any(is_checkpoint);
         let needs_long_lease = report.completion.is_some() || has_checkpoints;
         let until = deadline_ms(if needs_long_lease { MAX_LEASE } else { LEASE });
@@ -123,12 +125,12 @@ fn apply_events(
         WorkerEvent::Warning(text) => {
             Some(NewEvent { level: Level::Warn, ..NewEvent::new(EventType::Log, text, json!({})) })
         }
-        WorkerEvent::Metric(values) => {
+        WorkerEvent::Metric(MetricValues(values)) => {
             let data = json!(values);
             job.latest_metrics.extend(values);
             Some(NewEvent::new(EventType::Metric, "", data))
         }
-        WorkerEvent::Checkpoint { .. } => None,
+        WorkerEvent::Checkpoint(_) => None,
     }));
     added
 }
