@@ -49,7 +49,7 @@ test("training is monitored, tried in the demo while running, paused, resumed, c
   const request = { kind: "policy.evaluate", params: { model_id: encoder.outputs.model_id, object: "sugar_box" } };
   const rejected = await fetch(`${jobs.served.address}/api/v1/jobs?dry_run=true`, { method: "POST", body: JSON.stringify(request) });
   assert.match((await rejected.json()).detail, /is an encoder, not a policy/);
-  const params = { dataset_id, encoder_id: encoder.outputs.model_id, steps: 100_000, batch: 8, checkpoint_every: 25 };
+  const params = { dataset_id, encoder_id: encoder.outputs.model_id, steps: 100_000, batch: 8, checkpoint_every: 100 };
   const { id } = await jobs.api("jobs", { kind: "policy.train", params, name: "A long one" });
 
   const { page, errors } = await jobs.visit(`#jobs/${id}`);
