@@ -70,7 +70,7 @@ test("training is monitored, tried in the demo while running, paused, resumed, c
   await demo.bringToFront();
   await untilReady(demo);
   await demo.keyboard.press("r");
-  await demo.waitForSelector("#training-status:has-text('the latest checkpoint')");
+  await demo.waitForSelector("#training-status:has-text('latest checkpoint')");
   await demo.waitForFunction((first) => document.getElementById("model").textContent !== first, first);
   assert.match(await loaded(), /^Loaded: mdl_\w+$/);
   // The attempt is repeated automatically with the new checkpoint.
