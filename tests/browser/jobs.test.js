@@ -55,7 +55,14 @@ test("training is monitored, tried in the demo while running, paused, resumed, c
   const { page, errors } = await jobs.visit(`#jobs/${id}`);
   await untilStatus(page, "running");
   await page.waitForSelector(".chart canvas");
-  await page.waitForSelector("a:has-text('Try in demo')");
+  // New rows wait while the pointer is over the table, so that links stay under it.
+  await page.hover("a:has-text('Try in demo')");
+  const numRows = await page.locator("[data-step]").count();
+  const { data } = await jobs.api(`jobs/${id}/checkpoints`);
+  await jobs.untilNumCheckpoints(id, data.length + 2);
+  assert.equal(await page.locator("[data-step]").count(), numRows);
+  await page.mouse.move(0, 0);
+  await page.waitForFunction((n) => document.querySelectorAll("[data-step]").length > n, numRows);
   const [demo] = await Promise.all([
     page.context().waitForEvent("page"),
     page.click("a:has-text('Try in demo')"),
@@ -70,9 +77,12 @@ test("training is monitored, tried in the demo while running, paused, resumed, c
   await demo.bringToFront();
   await untilReady(demo);
   await demo.keyboard.press("r");
-  await demo.waitForSelector("#training-status:has-text('latest checkpoint')");
   await demo.waitForFunction((first) => document.getElementById("model").textContent !== first, first);
   assert.match(await loaded(), /^Loaded: mdl_\w+$/);
+  // No newer checkpoint is written while the job is paused.
+  await jobs.api(`jobs/${id}/pause`, {});
+  await demo.waitForSelector("#training-status:has-text('Using the latest checkpoint')");
+  await jobs.api(`jobs/${id}/resume`, {});
   // The attempt is repeated automatically with the new checkpoint.
   await demo.waitForSelector("#phases .is-now");
   await demo.locator("#training").scrollIntoViewIfNeeded();

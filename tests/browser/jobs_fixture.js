@@ -67,6 +67,13 @@ export async function openJobs() {
       const { data } = await api("jobs?limit=100");
       for (const { id } of data.filter((job) => !hasEnded(job))) await this.cancel(id);
     },
+    // Waits until a training job has written `count` checkpoints.
+    async untilNumCheckpoints(id, count) {
+      for (const end = Date.now() + TIMEOUT_MS; (await api(`jobs/${id}/checkpoints`)).data.length < count; ) {
+        assert.ok(Date.now() < end, `timeout: job ${id} has fewer than ${count} checkpoints`);
+        await new Promise((resolve) => setTimeout(resolve, 100));
+      }
+    },
     async uploadMesh(name = "box.obj", body = BOX) {
       const response = await fetch(`${served.address}/api/v1/meshes?name=${name}`, { method: "POST", body });
       assert.ok(response.ok, `${response.status}`);

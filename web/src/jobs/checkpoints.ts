@@ -14,11 +14,15 @@ export class Checkpoints {
   readonly #known = new Set<string>();
   readonly #job: string;
   readonly #error = h("div");
+  // Rows to insert when the pointer leaves the table. A row inserted now would move the link under the pointer.
+  #waiting: HTMLTableRowElement[] = [];
 
   constructor(job: string) {
     this.#job = job;
     const empty = table(CHECKPOINTS.head, [], [0, 1, 2]);
     this.#body = empty.querySelector("tbody")!;
+    // After a tap, the pointer leaves before the click is dispatched.
+    this.#body.addEventListener("pointerleave", () => setTimeout(() => this.#insertWaiting()));
     this.element = section(CHECKPOINTS.title, empty, this.#error);
     this.element.hidden = true;
     void this.fetch();
@@ -51,6 +55,15 @@ export class Checkpoints {
       link(`new?kind=policy.evaluate&model_id=${model_id}`, CHECKPOINTS.evaluate),
     ];
     const row = h("tr", { "data-step": step }, ...cells.map((cell, i) => h("td", { class: i < 3 ? "is-number" : null }, cell)));
-    this.#body.insertBefore(row, [...this.#body.rows].find((other) => Number(other.dataset["step"]) <= step) ?? null);
+    this.#waiting.push(row);
+    if (!this.#body.matches(":hover")) this.#insertWaiting();
+  }
+
+  #insertWaiting(): void {
+    const stepOf = (row: HTMLTableRowElement) => Number(row.dataset["step"]);
+    for (const row of this.#waiting.splice(0)) {
+      const next = [...this.#body.rows].find((other) => stepOf(other) <= stepOf(row));
+      this.#body.insertBefore(row, next ?? null);
+    }
   }
 }

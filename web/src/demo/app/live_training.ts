@@ -30,6 +30,8 @@ export class LiveTraining {
   readonly #stream: EventStream<{ id: string; job: string }>;
   #isFinished = false;
   #newest: Checkpoint | null = null;
+  // Steps of the known checkpoints by model id.
+  readonly #steps = new Map<string, number>();
   // Newest step when the page was opened. Checkpoints up to this one are not loaded automatically.
   #initialStep: number | null = null;
   // Ids of the active model and of the one that was requested.
@@ -61,6 +63,7 @@ export class LiveTraining {
       const { finished_at } = await requestJson<{ finished_at: string | null }>(`jobs/${this.#job}`);
       // Responses can arrive out of order, so the state only advances.
       this.#isFinished ||= finished_at !== null;
+      for (const { step, model_id } of data) this.#steps.set(model_id, step);
       this.#newest = data.reduce((newest, next) => (newest && newest.step >= next.step ? newest : next), this.#newest);
     } catch {
       // The job was deleted, or the request is repeated when the server is back.
@@ -113,8 +116,11 @@ export class LiveTraining {
 
   #showStatus(): void {
     if (!this.#newest) return;
-    const { step, model_id } = this.#newest;
-    const text = (model_id === this.#active ? TRAINING.using : TRAINING.newest)(step.toLocaleString("en"));
+    const newest = this.#newest.step;
+    const used = this.#steps.get(this.#active ?? "");
+    const text = used === newest ? TRAINING.usingLatest(stepText(newest)) : TRAINING.latest(stepText(newest), used && stepText(used));
     this.#status.textContent = this.#isFinished ? `${text} ${TRAINING.finished}` : text;
   }
 }
+
+const stepText = (step: number) => step.toLocaleString("en");

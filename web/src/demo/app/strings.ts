@@ -81,8 +81,8 @@ export const COMPARISON = {
 } as const;
 
 export const TRAINING = {
-  using: (step: string) => `Using the latest checkpoint, step ${step}.`,
-  newest: (step: string) => `Latest checkpoint: step ${step}.`,
+  usingLatest: (step: string) => `Using the latest checkpoint, step ${step}.`,
+  latest: (step: string, used?: string | 0) => `${used ? `Using the checkpoint of step ${used}. ` : ""}Latest checkpoint: step ${step}.`,
   finished: "Training finished.",
   lost: "Server not reachable. New checkpoints will load when it is back.",
 } as const;
