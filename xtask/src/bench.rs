@@ -21,11 +21,10 @@ struct Row {
 struct Baseline {
     name: String,
     value: f64,
-    /// Our value divided by the baseline's; the median over alternating measurements.
+    /// Our value divided by the baseline's; the median over the turns.
     ratio: f64,
-    /// Min. and max. ratio over alternating measurements.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    ratio_range: Option<[f64; 2]>,
+    /// Min. and max. ratio over the turns.
+    ratio_range: [f64; 2],
 }
 
 /// Upper or lower bound of a measurement, on an otherwise idle two-core machine.
@@ -45,32 +44,35 @@ const BUDGETS: [(&str, Budget); 6] = [
     ("page_upload_to_outcome", Budget::Max(10_000.0)),
 ];
 
-/// Number of alternating measurements of our training steps and the baseline's.
+/// Number of turns in which our programs and a baseline are measured.
 const REPEATS: usize = 10;
+
+/// Rows that are measured in turns with MuJoCo.
+const PHYSICS_ROWS: [&str; 2] = ["physics_tick_home", "physics_tick_holding"];
 
 /// Runs all benchmarks, prints the rows and writes them to `json` if given. With `baselines`, also measures
 /// MuJoCo and PyTorch. Returns whether all budgets are met.
 pub(crate) fn run(workspace: &Workspace, json: Option<&Path>, baselines: bool) -> Result<bool> {
     workspace.build_programs(&["ngf", "ngf-worker"])?;
+    let state = workspace.target.join("holding_state.json");
+    let path = state.to_str().context("the path of the target folder is not UTF-8")?;
     let mut rows = native(workspace, &[])?;
-    rows.extend(training(workspace, baselines)?);
-    if baselines {
-        let mujoco = mujoco(workspace)?;
-        for row in rows.iter_mut().filter(|row| row.name == "physics_step_home") {
-            let (name, value) = (mujoco.name.clone(), mujoco.value);
-            let ratio = row.value / value;
-            row.baseline = Some(Baseline { name, value, ratio, ratio_range: None });
-        }
-    }
+    rows.retain(|row| !PHYSICS_ROWS.contains(&row.name.as_str()));
+    rows.extend(in_turns(
+        || native(workspace, &["--physics", "--state", path]),
+        baselines.then_some(Peer { name: "mujoco", measure: &|| mujoco(workspace, path) }),
+    )?);
+    rows.extend(in_turns(
+        || native(workspace, &["--training"]),
+        baselines.then_some(Peer { name: "torch", measure: &|| torch(workspace) }),
+    )?);
     rows.extend(in_browser(workspace)?);
     rows.extend(page(workspace)?);
     for row in &rows {
         print!("{:32} {:8.3} {:3}", row.name, row.value, row.unit);
         match &row.baseline {
-            Some(Baseline { name, value, ratio, ratio_range }) => {
-                let range =
-                    ratio_range.map_or(String::new(), |[a, b]| format!(" ({a:.2} to {b:.2})"));
-                println!(" {name} {value:.3}: ratio {ratio:.2}{range}");
+            Some(Baseline { name, value, ratio, ratio_range: [min, max] }) => {
+                println!(" {name} {value:.3}: ratio {ratio:.2} ({min:.2} to {max:.2})");
             }
             None => println!(),
         }
@@ -105,37 +107,40 @@ fn native(workspace: &Workspace, args: &[&str]) -> Result<Vec<Row>> {
     Ok(serde_json::from_slice(&std::fs::read(&file)?)?)
 }
 
-/// Training steps; with `baselines`, measured alternately with PyTorch.
-fn training(workspace: &Workspace, baselines: bool) -> Result<Vec<Row>> {
-    let mut runs = Vec::new();
-    for _ in 0..if baselines { REPEATS } else { 1 } {
-        let ours = native(workspace, &["--training"])?;
-        runs.push((ours, if baselines { torch(workspace)? } else { Vec::new() }));
+/// Another program that measures the same tasks. Its rows have the names of ours, with a prefix.
+struct Peer<'a> {
+    name: &'a str,
+    measure: &'a dyn Fn() -> Result<Vec<Row>>,
+}
+
+/// Medians of our rows; with a peer, measured `REPEATS` times in turns with its rows.
+fn in_turns(ours: impl Fn() -> Result<Vec<Row>>, peer: Option<Peer>) -> Result<Vec<Row>> {
+    let mut turns = Vec::new();
+    for _ in 0..if peer.is_some() { REPEATS } else { 1 } {
+        let own_rows = ours()?;
+        let peer_rows = peer.as_ref().map_or(Ok(Vec::new()), |peer| (peer.measure)())?;
+        turns.push((own_rows, peer_rows));
     }
-    let names: Vec<String> = runs[0].0.iter().map(|row| row.name.clone()).collect();
     let value =
         |rows: &[Row], name: &str| rows.iter().find(|row| row.name == name).map(|row| row.value);
-    Ok(names
-        .into_iter()
-        .map(|name| {
-            let ours = runs.iter().filter_map(|(ours, _)| value(ours, &name)).collect();
-            let baseline = format!("torch_{name}");
-            let theirs: Vec<f64> =
-                runs.iter().filter_map(|(_, theirs)| value(theirs, &baseline)).collect();
-            let ratios = runs
-                .iter()
-                .filter_map(|(ours, theirs)| Some(value(ours, &name)? / value(theirs, &baseline)?));
-            let mut ratios: Vec<f64> = ratios.collect();
-            ratios.sort_by(f64::total_cmp);
-            let baseline = (!theirs.is_empty()).then(|| Baseline {
-                name: baseline,
-                value: median(theirs),
-                ratio_range: Some([ratios[0], ratios[ratios.len() - 1]]),
-                ratio: median(ratios),
+    let names: Vec<String> = turns[0].0.iter().map(|row| row.name.clone()).collect();
+    let rows = names.into_iter().map(|name| {
+        let baseline = peer.as_ref().map(|peer| format!("{}_{name}", peer.name));
+        let baseline = baseline.and_then(|baseline| {
+            let pairs = turns.iter().filter_map(|(own_rows, peer_rows)| {
+                Some((value(own_rows, &name)?, value(peer_rows, &baseline)?))
             });
-            Row { name, value: median(ours), unit: "ms".into(), baseline }
-        })
-        .collect())
+            let (ratios, values): (Vec<f64>, Vec<f64>) =
+                pairs.map(|(own, theirs)| (own / theirs, theirs)).unzip();
+            let min = ratios.iter().copied().reduce(f64::min)?;
+            let max = ratios.iter().copied().reduce(f64::max)?;
+            let (value, ratio) = (median(values), median(ratios));
+            Some(Baseline { name: baseline, value, ratio, ratio_range: [min, max] })
+        });
+        let ours = turns.iter().filter_map(|(own_rows, _)| value(own_rows, &name)).collect();
+        Row { name, value: median(ours), unit: "ms".into(), baseline }
+    });
+    Ok(rows.collect())
 }
 
 fn median(mut values: Vec<f64>) -> f64 {
@@ -151,12 +156,13 @@ fn torch(workspace: &Workspace) -> Result<Vec<Row>> {
     Ok(output.lines().filter_map(row).collect())
 }
 
-/// A MuJoCo physics step with the same robot, table and box.
-fn mujoco(workspace: &Workspace) -> Result<Row> {
+/// MuJoCo's time for the same control periods: same robot, table and box.
+fn mujoco(workspace: &Workspace, state: &str) -> Result<Vec<Row>> {
     let python = python::environment(workspace, python::BASELINES)?;
-    let script = ["tests/python/mujoco_step.py", "assets/robot/iiwa7_allegro/robot.urdf"];
+    let urdf = "assets/robot/iiwa7_allegro/robot.urdf";
+    let script = ["tests/python/mujoco_tick.py", urdf, state];
     let output = workspace::output_of(&mut workspace.command(python, &script))?;
-    output.lines().find_map(row).context("mujoco_step.py printed no row")
+    Ok(output.lines().filter_map(row).collect())
 }
 
 /// The rows of `wasm/benches/attempt.rs`, built with the profile of the page.
@@ -212,6 +218,21 @@ mod tests {
         assert!(message("row page_code NaN MB", Budget::Max(1.0)).is_some());
         let missing = message("row page_size 0.98 MB", Budget::Max(1.0));
         assert_eq!(missing.unwrap(), "page_code was not measured");
+    }
+
+    #[test]
+    fn ratio_to_a_baseline_is_the_median_over_turns() {
+        let turn = std::cell::Cell::new(0.0);
+        let ours = || {
+            turn.set(turn.get() + 1.0);
+            Ok(vec![row(&format!("row tick {} ms", 2.0 * turn.get())).unwrap()])
+        };
+        let theirs = || Ok(vec![row("row mujoco_tick 2 ms").unwrap()]);
+        let rows = in_turns(ours, Some(Peer { name: "mujoco", measure: &theirs })).unwrap();
+        let baseline = rows[0].baseline.as_ref().unwrap();
+        assert_eq!((baseline.name.as_str(), baseline.value), ("mujoco_tick", 2.0));
+        assert_eq!((baseline.ratio, baseline.ratio_range), (6.0, [1.0, 10.0]));
+        assert_eq!(in_turns(ours, None).unwrap()[0].baseline, None);
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! `ngf bench`: time (ms) of the components of an attempt, on this machine.
 
-use crate::datagen_bench;
+use crate::{datagen_bench, physics_bench};
 use anyhow::{Context, Result};
 use evaluation::percentiles::median;
 use files::atomic_file;
@@ -12,8 +12,7 @@ use policy::weights::Tensors;
 use policy::{Encoder, LATENT_DIM, Ngf, Whitening};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
-use rollout::{Attempt, Controller, Phase, RolloutContext};
-use scene::{Scene, Simulation};
+use rollout::RolloutContext;
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -27,8 +26,14 @@ pub(crate) struct Options {
     #[arg(long)]
     quiet: bool,
     /// Measure training steps instead, on two threads
-    #[arg(long)]
+    #[arg(long, conflicts_with = "physics")]
     pub(crate) training: bool,
+    /// Measure only the physics
+    #[arg(long)]
+    physics: bool,
+    /// Also write the state in which the hand holds the box to this JSON file
+    #[arg(long, value_name = "FILE", conflicts_with = "training")]
+    state: Option<PathBuf>,
 }
 
 /// One measurement: the median over its repeats.
@@ -41,7 +46,7 @@ pub(crate) struct Row {
 
 /// Measures, prints and writes the rows. Weights are random; their values do not affect the time.
 pub(crate) fn run(options: &Options) -> Result<()> {
-    let rows = if options.training { training_rows()? } else { attempt_rows()? };
+    let rows = if options.training { training_rows()? } else { attempt_rows(options)? };
     for row in rows.iter().filter(|_| !options.quiet) {
         println!("{:32} {:8.3} {}", row.name, row.value, row.unit);
     }
@@ -58,10 +63,15 @@ fn training_rows() -> Result<Vec<Row>> {
 }
 
 /// Rows of the components of an attempt, and of data generation.
-fn attempt_rows() -> Result<Vec<Row>> {
+fn attempt_rows(options: &Options) -> Result<Vec<Row>> {
     let context = RolloutContext::new()?;
     let robot = &context.robot;
-    let object = Object::from_catalog("sugar_box").context("the sugar box is missing")?;
+    let name = "sugar_box";
+    let object = Object::from_catalog(name).context("the sugar box is missing")?;
+    let physics = physics_bench::rows(&context, &object, name, options.state.as_deref())?;
+    if options.physics {
+        return Ok(physics);
+    }
     let mut rng = ChaCha8Rng::seed_from_u64(0);
     let mut params = Params::default();
     let config = NgfConfig::paper();
@@ -88,34 +98,16 @@ fn attempt_rows() -> Result<Vec<Row>> {
             context.sensor.capture(&object.mesh, &pose, &mut rng);
         }),
     ];
-    let mut ticks = Vec::new();
-    let mut attempt = Attempt::new(&context, &object, "sugar_box", None, 0, Controller::Planner)?;
-    while attempt.outcome().is_none() {
-        let start = Instant::now();
-        attempt.step(&context);
-        if attempt.phase() == Phase::Hold {
-            ticks.push(start.elapsed().as_secs_f64() * 1e3);
-        }
-    }
-    rows.push(Row {
-        name: "physics_tick_in_contact_native",
-        value: median_or_nan(ticks),
-        unit: "ms",
-    });
-    let home = robot::JointState::at_rest(robot.config.home());
-    let mut scene = Scene::new(&robot.config, &robot.tree, &object, &pose, &home.q)?;
-    let mut step = measure("physics_step_home", 200, || scene.track(&home, &home));
-    step.value /= robot.config.physics.substeps as f64;
-    rows.push(step);
+    rows.extend(physics);
     rows.extend(datagen_bench::rows(robot)?);
     Ok(rows)
 }
 
-fn median_or_nan(values: Vec<f64>) -> f64 {
+pub(crate) fn median_or_nan(values: Vec<f64>) -> f64 {
     median(values).unwrap_or(f64::NAN)
 }
 
-fn measure(name: &'static str, repeats: usize, mut work: impl FnMut()) -> Row {
+pub(crate) fn measure(name: &'static str, repeats: usize, mut work: impl FnMut()) -> Row {
     let time = |_| {
         let start = Instant::now();
         work();

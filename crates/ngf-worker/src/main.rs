@@ -12,6 +12,8 @@ mod mesh_archive;
 mod mesh_file;
 mod model_card;
 mod object_selection;
+mod physics;
+mod physics_bench;
 mod progress_bar;
 mod record;
 mod replay;
@@ -62,6 +64,8 @@ enum CliCommand {
     Compare(compare::Options),
     /// Benchmark the components of an attempt
     Bench(bench::Options),
+    /// Compare settings of the physics with a fine reference
+    Physics(physics::Options),
     /// Replay a recording or a share link; print the outcome and the final state hash
     Replay(replay::Options),
     /// Record an attempt of the planner and check that its recording replays
@@ -122,6 +126,7 @@ fn run(command: &CliCommand) -> anyhow::Result<()> {
         CliCommand::Validate(options) => validate::run(options),
         CliCommand::Compare(options) => compare::run(options),
         CliCommand::Bench(options) => bench::run(options),
+        CliCommand::Physics(options) => physics::run(options),
         CliCommand::Replay(options) => replay::run(options),
         CliCommand::Record(options) => record::run(options),
     }

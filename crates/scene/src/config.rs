@@ -149,8 +149,14 @@ pub struct RobotConfig {
 pub struct Physics {
     /// Physics steps per control period.
     pub substeps: usize,
-    /// Solver iterations per physics step.
+    /// Solver iterations per physics step. Each integrates the velocities once and assembles the mass matrices.
     pub solver_iterations: usize,
+    /// Sweeps over all constraints per solver iteration that also correct penetration.
+    pub pgs_iterations: usize,
+    /// Sweeps over all constraints per solver iteration that do not correct penetration.
+    pub stabilization_iterations: usize,
+    /// Whether the sweeps that correct penetration include friction.
+    pub friction_in_bias_pass: bool,
     /// Size of a typical object (m), the scale of rapier's tolerances.
     pub length_unit: f32,
 }

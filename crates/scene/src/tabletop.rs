@@ -39,8 +39,12 @@ impl TabletopWorld {
         let mut world = empty_world();
         let parameters = &mut world.integration_parameters;
         parameters.dt = config.physics_dt() as f32;
-        parameters.num_solver_iterations = config.physics.solver_iterations;
-        parameters.length_unit = config.physics.length_unit;
+        let physics = &config.physics;
+        parameters.num_solver_iterations = physics.solver_iterations;
+        parameters.num_internal_pgs_iterations = physics.pgs_iterations;
+        parameters.num_internal_stabilization_iterations = physics.stabilization_iterations;
+        parameters.friction_in_bias_pass = physics.friction_in_bias_pass;
+        parameters.length_unit = physics.length_unit;
         // Contact recycling is designed for metre-sized objects; fingers are 2 cm wide.
         parameters.contact_recycling = false;
         let body = table.translation(vec3(config.table.center));
@@ -200,5 +204,131 @@ fn empty_world() -> PhysicsWorld {
         multibody_joints: Default::default(),
         soft_bodies: Default::default(),
         ccd_solver: Default::default(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glamx::Quat;
+    use mesh::Mesh;
+
+    fn hull(points: &[Vec3]) -> Mesh {
+        mesh::convex_hull(points, points.len()).unwrap()
+    }
+
+    fn object(name: &str, parts: Vec<Vec<Vec3>>, mass: f32) -> Object {
+        let mut whole = Mesh { vertices: vec![], triangles: vec![] };
+        for part in parts.iter().map(|part| hull(part)) {
+            let first = whole.vertices.len() as u32;
+            whole.triangles.extend(part.triangles.iter().map(|t| t.map(|i| i + first)));
+            whole.vertices.extend(part.vertices);
+        }
+        Object::new(name, whole, true, parts, mass, 0.8).unwrap()
+    }
+
+    fn cuboid(min: [f32; 3], max: [f32; 3]) -> Vec<Vec3> {
+        let pick = |i: usize, axis: usize| if i >> axis & 1 == 0 { min[axis] } else { max[axis] };
+        (0..8).map(|i| Vec3::new(pick(i, 0), pick(i, 1), pick(i, 2))).collect()
+    }
+
+    /// Cylinder of 16 sides along x, lying.
+    fn rod(length: f32, radius: f32) -> Vec<Vec3> {
+        let ring = |x: f32| {
+            (0..16).map(move |i| {
+                let (sin, cos) = libm::sincosf(i as f32 * std::f32::consts::TAU / 16.0);
+                Vec3::new(x, radius * cos, radius * sin)
+            })
+        };
+        ring(0.0).chain(ring(length)).collect()
+    }
+
+    fn ball(radius: f32) -> Vec<Vec3> {
+        let direction = |i: usize| {
+            let z = 1.0 - (2 * i + 1) as f32 / 120.0;
+            let (sin, cos) = libm::sincosf(2.399_963 * i as f32);
+            let r = (1.0 - z * z).sqrt();
+            Vec3::new(r * cos, r * sin, z) * radius
+        };
+        (0..120).map(direction).collect()
+    }
+
+    /// Thin, round, heavy and hollow objects.
+    fn objects() -> Vec<Object> {
+        let cup = vec![
+            cuboid([0.0, 0.0, 0.0], [0.08, 0.08, 0.004]),
+            cuboid([0.0, 0.0, 0.0], [0.004, 0.08, 0.09]),
+            cuboid([0.076, 0.0, 0.0], [0.08, 0.08, 0.09]),
+            cuboid([0.0, 0.0, 0.0], [0.08, 0.004, 0.09]),
+            cuboid([0.0, 0.076, 0.0], [0.08, 0.08, 0.09]),
+        ];
+        vec![
+            object("plate of 12 mm", vec![cuboid([0.0; 3], [0.12, 0.18, 0.012])], 0.2),
+            object("rod of 15 mm", vec![rod(0.16, 0.0075)], 0.1),
+            object("heavy box", vec![cuboid([0.0; 3], [0.06, 0.09, 0.2])], 2.5),
+            object("ball of 4 cm", vec![ball(0.02)], 0.02),
+            object("cup", cup, 0.3),
+        ]
+    }
+
+    impl TabletopWorld {
+        /// Kinetic and potential energy of the object (J).
+        fn energy(&self) -> f32 {
+            let body = &self.world.bodies[self.object];
+            body.kinetic_energy() - body.mass() * GRAVITY.z.abs() * -body.center_of_mass().z
+        }
+
+        /// Depth (m) of the deepest contact of the object.
+        fn penetration(&self) -> f32 {
+            let pairs = self.object_colliders.iter().flat_map(|&c| self.world.contact_pairs_with(c));
+            let points = pairs.flat_map(|pair| {
+                pair.manifolds().iter().flat_map(|manifold| manifold.points.iter().map(|p| -p.dist))
+            });
+            points.fold(0.0, f32::max)
+        }
+    }
+
+    /// Simulates 10 s. Returns the max penetration (m), and the max energy gain over any period as a height
+    /// (m) of the object.
+    fn simulate(config: &SceneConfig, object: &Object, pose: &Pose) -> [f32; 2] {
+        let (world, table) = TabletopWorld::create_world(config, RigidBodyBuilder::fixed());
+        let mut tabletop =
+            TabletopWorld::add_object(world, table, config, object, pose).unwrap();
+        let (mut deepest, mut lowest, mut gain) = (0.0_f32, f32::INFINITY, 0.0_f32);
+        for _ in 0..(10.0 / config.physics_dt()).round() as usize {
+            tabletop.world.step();
+            let energy = tabletop.energy();
+            lowest = lowest.min(energy);
+            gain = gain.max(energy - lowest);
+            deepest = deepest.max(tabletop.penetration());
+        }
+        assert!(tabletop.is_finite());
+        [deepest, gain / (object.mass * GRAVITY.z.abs())]
+    }
+
+    #[test]
+    fn object_at_rest_neither_penetrates_the_table_nor_gains_energy() {
+        let config = SceneConfig::standard().unwrap();
+        let [x, y, _] = config.table.center;
+        for object in objects() {
+            let [depth, gain] = simulate(&config, &object, &config.object_pose(x, y, 0.3));
+            println!("{}: {:.3} mm deep, gain {:.4} mm", object.name, 1e3 * depth, 1e3 * gain);
+            assert!(depth < 1e-3, "{}: {depth} m deep", object.name);
+            assert!(gain < 1e-4, "{}: gain of {gain} m", object.name);
+        }
+    }
+
+    #[test]
+    fn falling_object_gains_no_energy_at_impact() {
+        let config = SceneConfig::standard().unwrap();
+        let [x, y, _] = config.table.center;
+        for object in objects() {
+            let mut pose = config.object_pose(x, y, 0.3);
+            pose.translation.z += 0.08;
+            pose.rotation = Quat::from_rotation_x(0.3) * pose.rotation;
+            let [depth, gain] = simulate(&config, &object, &pose);
+            println!("{}: {:.3} mm deep, gain {:.4} mm", object.name, 1e3 * depth, 1e3 * gain);
+            assert!(gain < 1e-3, "{}: gain of {gain} m", object.name);
+        }
     }
 }
