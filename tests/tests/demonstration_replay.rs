@@ -4,7 +4,7 @@ use datagen::poses::low_discrepancy_pose;
 use dataset::planar_pose::rotate_pose;
 use grasps::plan::demonstration::{self, Demonstration, TrajectoryConfig};
 use grasps::plan::lift;
-use grasps::search::trial::{Physics, TrialOutcome, TrialProtocol};
+use grasps::search::trial::{TrialOutcome, TrialProtocol};
 use grasps::set::catalog::catalog_grasps;
 use grasps::{PlacedObject, Posture, RobotContext};
 use objects::object::Object;
@@ -17,10 +17,10 @@ const DEMONSTRATIONS: usize = 4;
 /// Maximum number of pregrasp poses sampled per object pose.
 const MAX_TARGETS: usize = 12;
 
-/// Whether the full robot lifts the object when the demonstration is replayed.
+/// Whether the object is lifted when the demonstration is replayed.
 fn lifts(placed: &PlacedObject, posture: &Posture, motion: &Demonstration) -> bool {
     let lift = lift::plan_from_grasp(placed, posture).unwrap().expect("a lift");
-    let outcome = motion.replay(Physics::FullRobot, placed, &lift, TrialProtocol::SHORT).unwrap();
+    let outcome = motion.replay(placed, &lift, TrialProtocol::SHORT).unwrap();
     matches!(outcome, TrialOutcome::Lifted { .. })
 }
 

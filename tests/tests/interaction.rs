@@ -9,7 +9,6 @@ use objects::object::Object;
 use objects::shape_variant::ShapeVariant;
 use policy::model::MODEL_FILES;
 use rollout::{Attempt, Controller, FailureReason, Outcome, Phase, RolloutContext};
-use scene::Simulation;
 use std::path::Path;
 
 /// Context with the policy `models/default`.

@@ -5,7 +5,6 @@ use rollout::{
     Attempt, AttemptRecording, Controller, DemonstrationFile, FailureReason, Outcome, ReplayFile,
     RolloutContext,
 };
-use scene::Simulation;
 
 /// A planner attempt with the sugar box at seed 0.
 fn start_planner_attempt(friction: f32) -> (RolloutContext, Object, Attempt) {

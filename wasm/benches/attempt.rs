@@ -5,7 +5,6 @@
 use objects::object::Object;
 use robot::JointState;
 use rollout::{Attempt, Controller, Phase, RolloutContext};
-use scene::Simulation;
 use wasm_bindgen::JsCast;
 use wasm_bindgen_test::{console_log, wasm_bindgen_test, wasm_bindgen_test_configure};
 use web_sys::DedicatedWorkerGlobalScope;

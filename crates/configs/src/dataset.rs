@@ -11,8 +11,8 @@ use objects::catalog::{CATALOG, CatalogEntry};
 /// variants differ in shoulder height. 14: variants are grasped at the shoulder. 15: much lower shoulders,
 /// and grasps that withstand them. 16: grasps of the bottle are selected by their success on similar objects.
 /// 17: objects are also placed nearer and farther than in an attempt. 18: this is reverted. 19: new names of
-/// fields and columns. 20: environment state, quantiles, dataset card.
-pub const VERSION: u32 = 20;
+/// fields and columns. 20: environment state, quantiles, dataset card. 21: all replays simulate arm and hand.
+pub const VERSION: u32 = 21;
 
 /// Requested contents of a dataset. Together with the program version, it determines the bytes of the
 /// dataset.
@@ -36,9 +36,9 @@ pub struct DatasetConfig {
     /// Whether to record the same number of demonstrations with each grasp that is preferred at a neighboring
     /// pose. At poses near a change of the preferred grasp, both grasps are then demonstrated.
     pub overlap_grasps: bool,
-    /// Demonstrations per pose that are also replayed on the full robot and shaken, independent of their
-    /// outcome in the floating-hand replay.
-    pub num_full_replays: usize,
+    /// Demonstrations per pose that are also replayed with a hold of 2 s and shaken, independent of the outcome
+    /// of their first replay.
+    pub num_shaken_replays: usize,
     /// Kept demonstrations per pose that are replayed with a perturbed object pose.
     pub num_perturbed_replays: usize,
     /// Azimuths at which each pose is rendered. Demonstrations stay valid when they are rotated with the
@@ -113,7 +113,7 @@ impl DatasetConfig {
             poses: 24,
             trajectories: 32,
             overlap_grasps: false,
-            num_full_replays: 4,
+            num_shaken_replays: 4,
             num_perturbed_replays: 1,
             num_azimuths: 4,
             clouds: 4,
@@ -126,7 +126,7 @@ impl DatasetConfig {
                 objects: owned(&POLICY_OBJECTS[..1]),
                 poses: 3,
                 trajectories: 4,
-                num_full_replays: 1,
+                num_shaken_replays: 1,
                 num_azimuths: 2,
                 encoder_objects: owned(&POLICY_OBJECTS[..1]),
                 encoder_clouds: 150,
@@ -141,7 +141,7 @@ impl DatasetConfig {
                 poses: 220,
                 trajectories: 2,
                 overlap_grasps: true,
-                num_full_replays: 0,
+                num_shaken_replays: 0,
                 num_perturbed_replays: 0,
                 num_azimuths: 8,
                 encoder_clouds: 900,
@@ -150,7 +150,7 @@ impl DatasetConfig {
             "paper" => Self {
                 poses: 96,
                 trajectories: 256,
-                num_full_replays: 11,
+                num_shaken_replays: 11,
                 num_perturbed_replays: 3,
                 num_azimuths: 8,
                 encoder_clouds: 9000,
@@ -175,7 +175,7 @@ impl DatasetConfig {
                     poses: 28,
                     trajectories: 2,
                     overlap_grasps: true,
-                    num_full_replays: 0,
+                    num_shaken_replays: 0,
                     num_perturbed_replays: 0,
                     num_azimuths: 8,
                     encoder_clouds: 500,
@@ -216,7 +216,7 @@ mod tests {
         let paper = DatasetConfig::preset("paper", 0).unwrap();
         assert_eq!((paper.poses * paper.objects.len(), paper.trajectories), (192, 256));
         assert_eq!(paper.encoder_clouds * paper.encoder_objects.len(), 36_000);
-        assert!(paper.num_full_replays * 192 >= 2000 && paper.num_perturbed_replays * 192 >= 500);
+        assert!(paper.num_shaken_replays * 192 >= 2000 && paper.num_perturbed_replays * 192 >= 500);
         assert!(!paper.all_objects().contains(&"mustard"));
         let variants = DatasetConfig::preset("variants", 0).unwrap();
         assert_eq!(variants.objects[..2], ["sugar_box", "sugar_box.1"].map(str::to_owned));

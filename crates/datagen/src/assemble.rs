@@ -217,7 +217,6 @@ fn trial_columns(name: &str, shards: &[PoseShard]) -> Columns {
         ("target_seed", integers(&|a| a.target)),
         ("grasp", integers(&|a| a.grasp)),
         ("outcome", Column::Texts(all.iter().map(|(_, a)| a.outcome.name().to_owned()).collect())),
-        ("lifted_full_robot", flags(&|a| a.full_robot)),
         ("survived_shaking", flags(&|a| a.shaken)),
         ("lifted_perturbed", flags(&|a| a.perturbed)),
         ("num_frames", integers(&|a| a.num_frames)),

@@ -6,7 +6,7 @@ use configs::DatasetConfig;
 use dataset::shard::{DemoOutcome, DemoTrial, PoseShard};
 use grasps::plan::demonstration::{self, Demonstration, PlanFailure, TrajectoryConfig};
 use grasps::plan::lift;
-use grasps::search::trial::{Physics, TrialOutcome, TrialProtocol};
+use grasps::search::trial::{TrialOutcome, TrialProtocol};
 use grasps::{Grasp, GraspBranch, PlacedObject, Posture};
 use objects::object::Object;
 use rand::{Rng, RngExt};
@@ -99,7 +99,7 @@ impl PoseTask<'_> {
         let palm = robot.tree.forward_kinematics(&posture.grasp).palm_pose();
         let trajectories = TrajectoryConfig::standard();
         let mut kept = 0;
-        let mut audited = shard.trials.iter().filter(|before| before.full_robot.is_some()).count();
+        let mut num_shaken = shard.trials.iter().filter(|before| before.shaken.is_some()).count();
         for target in 0..MAX_TRIALS_PER_DEMO * self.config.trajectories {
             if kept == self.config.trajectories || (kept == 0 && target == MAX_FAILURES_PER_GRASP) {
                 break;
@@ -113,15 +113,15 @@ impl PoseTask<'_> {
             trial.is_reachable = robot.can_reach(&above, posture);
             if let Ok(found) = planned {
                 check_rows(&found).with_context(|| format!("{} at {:?}", self.name, self.pose))?;
-                let brief = TrialProtocol::SHORT;
-                let outcome = found.replay(Physics::HandOnly, &self.placed, &lift, brief)?;
+                let outcome = found.replay(&self.placed, &lift, TrialProtocol::SHORT)?;
                 trial.outcome = replay_outcome(outcome);
                 if let TrialOutcome::Lifted { slip } = outcome {
                     trial.slip = slip;
                 }
-                if audited < self.config.num_full_replays {
-                    audited += 1;
-                    self.replay_full_robot(&found, &lift, &mut trial)?;
+                if num_shaken < self.config.num_shaken_replays {
+                    num_shaken += 1;
+                    let outcome = found.replay(&self.placed, &lift, TrialProtocol::FULL)?;
+                    trial.shaken = Some(replay_outcome(outcome));
                 }
                 if trial.outcome == DemoOutcome::Kept {
                     kept += 1;
@@ -137,25 +137,7 @@ impl PoseTask<'_> {
         Ok(kept)
     }
 
-    /// Replays on the full robot, with the short trial and with the full protocol.
-    fn replay_full_robot(
-        &self,
-        found: &Demonstration,
-        lift: &[JointState],
-        trial: &mut DemoTrial,
-    ) -> Result<()> {
-        let replay = |endurance| -> Result<DemoOutcome> {
-            let outcome = found.replay(Physics::FullRobot, &self.placed, lift, endurance)?;
-            Ok(replay_outcome(outcome))
-        };
-        let shaken = replay(TrialProtocol::FULL)?;
-        // A demonstration that survives the full protocol has also passed the short one.
-        let full = if shaken == DemoOutcome::Kept { shaken } else { replay(TrialProtocol::SHORT)? };
-        (trial.shaken, trial.full_robot) = (Some(shaken), Some(full));
-        Ok(())
-    }
-
-    /// Replays on the full robot with the object pose and the friction slightly perturbed.
+    /// Replays with the object pose and the friction slightly perturbed.
     fn replay_perturbed(
         &self,
         found: &Demonstration,
@@ -173,7 +155,7 @@ impl PoseTask<'_> {
         let friction = object.friction * (1.0 + draw(PERTURB_FRICTION));
         let object: Object = object.clone().with_friction(friction);
         let setting = PlacedObject { object: &object, ..self.placed.at_pose(&here) };
-        let outcome = found.replay(Physics::FullRobot, &setting, lift, TrialProtocol::SHORT)?;
+        let outcome = found.replay(&setting, lift, TrialProtocol::SHORT)?;
         Ok(replay_outcome(outcome))
     }
 
@@ -200,7 +182,6 @@ fn planned_trial(
         target,
         grasp,
         outcome: DemoOutcome::NotConverged,
-        full_robot: None,
         shaken: None,
         perturbed: None,
         num_frames: 0,

@@ -46,9 +46,7 @@ pub(crate) fn summarize(shards: &[PoseShard], config: &DatasetConfig) -> Summary
         min_area_coverage: min_fraction(shards, quarter, is_covered),
         grasps,
         outcomes,
-        lifted_full_robot: lifted_of(trials().filter_map(|trial| trial.full_robot).collect()),
-        hand_vs_full: confusion_matrix(trials().filter_map(|a| Some([a.outcome, a.full_robot?]))),
-        shaken_vs_full: confusion_matrix(trials().filter_map(|a| Some([a.outcome, a.shaken?]))),
+        survived_shaking: lifted_of(trials().filter_map(|trial| trial.shaken).collect()),
         lifted_perturbed: lifted_of(trials().filter_map(|trial| trial.perturbed).collect()),
         duration: quantiles(&|a| a.num_frames as f32 / 30.0, [0.5, 0.9]),
         jerk: quantiles(&|a| a.jerk, [0.5, 0.9]),
@@ -84,16 +82,6 @@ fn reached_goal(trial: &DemoTrial) -> bool {
     trial.num_frames > 0 && GoalError { distance, angle }.is_reached()
 }
 
-/// Counts pairs of outcomes by whether each of them lifted.
-fn confusion_matrix(pairs: impl Iterator<Item = [DemoOutcome; 2]>) -> [[usize; 2]; 2] {
-    let mut counts = [[0; 2]; 2];
-    for pair in pairs {
-        let [a, b] = pair.map(|outcome| usize::from(outcome == DemoOutcome::Kept));
-        counts[a][b] += 1;
-    }
-    counts
-}
-
 /// Quantile of the values; 0 if there are none.
 fn quantile(values: &mut [f32], level: f32) -> f32 {
     values.sort_by(f32::total_cmp);
@@ -105,13 +93,12 @@ fn quantile(values: &mut [f32], level: f32) -> f32 {
 mod tests {
     use super::*;
 
-    fn trial(fate: DemoOutcome, full: Option<DemoOutcome>) -> DemoTrial {
+    fn trial(fate: DemoOutcome, shaken: Option<DemoOutcome>) -> DemoTrial {
         DemoTrial {
             target: 0,
             grasp: 2,
             outcome: fate,
-            full_robot: full,
-            shaken: full,
+            shaken,
             perturbed: None,
             num_frames: 60,
             contact_row: 35,
@@ -137,7 +124,7 @@ mod tests {
                 [0.5, -0.1, 0.1],
                 vec![
                     trial(DemoOutcome::Kept, Some(DemoOutcome::Kept)),
-                    trial(DemoOutcome::Slipped, Some(DemoOutcome::Kept)),
+                    trial(DemoOutcome::Slipped, Some(DemoOutcome::Slipped)),
                     trial(DemoOutcome::NotConverged, None),
                 ],
             ),
@@ -147,8 +134,7 @@ mod tests {
         let summary = summarize(&shards, &config);
         assert_eq!((summary.poses, summary.unreachable, summary.well_covered), (3, 1, 2));
         assert_eq!((summary.trials(), summary.kept()), (4, 2));
-        assert_eq!(summary.lifted_full_robot, [2, 2]);
-        assert_eq!(summary.hand_vs_full, [[0, 1], [0, 1]]);
+        assert_eq!(summary.survived_shaking, [1, 2]);
         assert_eq!(summary.grasps, BTreeMap::from([(2, 2)]));
         assert_eq!(summary.goals_reached, [2, 3]);
         assert_eq!(summary.min_yaw_coverage, 0.5);

@@ -33,14 +33,9 @@ pub struct Summary {
     pub grasps: BTreeMap<usize, usize>,
     /// Number of trials by outcome.
     pub outcomes: BTreeMap<String, usize>,
-    /// Replays on the full robot before any filter: `[lifted, replayed]`.
-    pub lifted_full_robot: [usize; 2],
-    /// Confusion matrix of the floating-hand replay (row) and the full-robot replay (column), each `[failed,
-    /// lifted]`.
-    pub hand_vs_full: [[usize; 2]; 2],
-    /// The same matrix, with the full robot holding the object for 2 s while shaken.
-    pub shaken_vs_full: [[usize; 2]; 2],
-    /// Perturbed full-robot replays of kept demonstrations: `[lifted, replayed]`.
+    /// Replays with a hold of 2 s and shaking, before any filter: `[held, replayed]`.
+    pub survived_shaking: [usize; 2],
+    /// Perturbed replays of kept demonstrations: `[lifted, replayed]`.
     pub lifted_perturbed: [usize; 2],
     /// Duration (s) of the kept demonstrations: `[median, p90]`.
     pub duration: [f32; 2],

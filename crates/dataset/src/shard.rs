@@ -69,13 +69,11 @@ pub struct DemoTrial {
     pub target: usize,
     /// Index of the grasp in the grasp set of the object.
     pub grasp: usize,
-    /// Outcome of planning and of the floating-hand replay.
+    /// Outcome of planning and of the replay.
     pub outcome: DemoOutcome,
-    /// Outcome of the full-robot replay; `None` if not replayed.
-    pub full_robot: Option<DemoOutcome>,
-    /// Outcome of the full-robot replay with a 2 s hold and shaking.
+    /// Outcome of the replay with a 2 s hold and shaking; `None` if not replayed.
     pub shaken: Option<DemoOutcome>,
-    /// Outcome of the full-robot replay with perturbed object pose and friction.
+    /// Outcome of the replay with perturbed object pose and friction; `None` if not replayed.
     pub perturbed: Option<DemoOutcome>,
     /// Number of rows (1/30 s each); 0 if planning failed.
     pub num_frames: usize,
@@ -88,7 +86,7 @@ pub struct DemoTrial {
     pub clearance: f32,
     /// RMS joint jerk (rad/s³), norm over all joints, before contact.
     pub jerk: f32,
-    /// Maximum slip (m) in the floating-hand replay, if it lifted.
+    /// Maximum slip (m) in the replay, if it lifted.
     pub slip: f32,
     /// Whether the arm can reach the pre-grasp target.
     pub is_reachable: bool,
@@ -97,7 +95,7 @@ pub struct DemoTrial {
 }
 
 impl DemoTrial {
-    const NUM_VALUES: usize = 15;
+    const NUM_VALUES: usize = 14;
 
     fn to_values(&self) -> [f32; Self::NUM_VALUES] {
         let code =
@@ -106,7 +104,6 @@ impl DemoTrial {
             self.target as f32,
             self.grasp as f32,
             code(Some(self.outcome)),
-            code(self.full_robot),
             code(self.shaken),
             code(self.perturbed),
             self.num_frames as f32,
@@ -126,17 +123,16 @@ impl DemoTrial {
             target: x[0] as usize,
             grasp: x[1] as usize,
             outcome: DemoOutcome::from_code(x[2])?.context("a trial has no outcome")?,
-            full_robot: DemoOutcome::from_code(x[3])?,
-            shaken: DemoOutcome::from_code(x[4])?,
-            perturbed: DemoOutcome::from_code(x[5])?,
-            num_frames: x[6] as usize,
-            contact_row: x[7] as usize,
-            restarts: x[8] as usize,
-            clearance: x[9],
-            jerk: x[10],
-            slip: x[11],
-            is_reachable: x[12] > 0.5,
-            goal_error: [x[13], x[14]],
+            shaken: DemoOutcome::from_code(x[3])?,
+            perturbed: DemoOutcome::from_code(x[4])?,
+            num_frames: x[5] as usize,
+            contact_row: x[6] as usize,
+            restarts: x[7] as usize,
+            clearance: x[8],
+            jerk: x[9],
+            slip: x[10],
+            is_reachable: x[11] > 0.5,
+            goal_error: [x[12], x[13]],
         })
     }
 }
@@ -252,12 +248,11 @@ mod tests {
     use super::*;
 
     fn shard() -> PoseShard {
-        let trial = |fate, full| DemoTrial {
+        let trial = |fate, shaken| DemoTrial {
             target: 3,
             grasp: 1,
             outcome: fate,
-            full_robot: full,
-            shaken: full,
+            shaken,
             perturbed: None,
             num_frames: 40,
             contact_row: 30,

@@ -4,7 +4,7 @@ use crate::bench::Row;
 use anyhow::{Context, Result};
 use grasps::plan::demonstration::{self, Demonstration, TrajectoryConfig};
 use grasps::plan::{lift, object_poses};
-use grasps::search::trial::{self, Physics, TrialProtocol};
+use grasps::search::trial::{self, TrialProtocol};
 use grasps::set::catalog::catalog_grasps;
 use grasps::{PlacedObject, Posture, RobotContext};
 use objects::object::Object;
@@ -34,12 +34,10 @@ pub(crate) fn rows(robot: &RobotContext) -> Result<Vec<Row>> {
         let object = object.as_ref().context("built-in object is missing")?;
         cases.extend(cases_of(robot, name, object)?);
     }
-    let trial = |physics| {
-        per_second(&cases, |case| {
-            let Case { placed: setting, posture, lift } = case;
-            trial::try_grasp(physics, setting, posture, lift, TrialProtocol::SHORT).map(|_| ())
-        })
-    };
+    let trials = per_second(&cases, |case| {
+        let Case { placed: setting, posture, lift } = case;
+        trial::try_grasp(setting, posture, lift, TrialProtocol::SHORT).map(|_| ())
+    });
     let plan = |case: &Case| -> Vec<Demonstration> {
         let palm = robot.tree.forward_kinematics(&case.posture.grasp).palm_pose();
         let (place, bounds) = (&case.placed.world_from_object, &case.placed.object.bounds);
@@ -60,12 +58,9 @@ pub(crate) fn rows(robot: &RobotContext) -> Result<Vec<Row>> {
         .zip(&demonstrations)
         .flat_map(|(c, d)| d.iter().map(move |d| (c, d)))
         .collect();
-    let replay = |physics| {
-        per_second(&pairs, |(case, demonstration)| {
-            let endurance = TrialProtocol::SHORT;
-            demonstration.replay(physics, &case.placed, &case.lift, endurance).map(|_| ())
-        })
-    };
+    let replays = per_second(&pairs, |(case, demonstration)| {
+        demonstration.replay(&case.placed, &case.lift, TrialProtocol::SHORT).map(|_| ())
+    });
     let eye = DepthSensor::new(&robot.config, &robot.tree);
     let seeds: Vec<u64> = (0..200).collect();
     let clouds = per_second(&seeds, |seed| {
@@ -78,11 +73,9 @@ pub(crate) fn rows(robot: &RobotContext) -> Result<Vec<Row>> {
     });
     let row = |name, value| Row { name, value, unit: "/s" };
     Ok(vec![
-        row("grasp_trials_hand", trial(Physics::HandOnly)?),
-        row("grasp_trials_full", trial(Physics::FullRobot)?),
+        row("grasp_trials", trials?),
         row("fabric_trajectories", planned),
-        row("replays_hand", replay(Physics::HandOnly)?),
-        row("replays_full", replay(Physics::FullRobot)?),
+        row("replays", replays?),
         row("clouds", clouds?),
     ])
 }

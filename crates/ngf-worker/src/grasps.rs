@@ -116,10 +116,8 @@ fn write_set(
     set: &GraspSet,
 ) -> Result<()> {
     println!(
-        "{name}: {} robust; full robot lifted {} of {}; kept {} grasps in {} clusters",
+        "{name}: {} robust; kept {} grasps in {} clusters",
         set.num_robust,
-        set.full_robot_confirmed[1],
-        set.full_robot_confirmed[0],
         set.grasps.len(),
         set.grasps.last().map_or(0, |last| last.cluster + 1),
     );
@@ -193,10 +191,9 @@ impl GraspSelector<'_> {
             grasps: selection::select_grasps(hand, object, &found, &rates, &covered, kinds),
             num_candidates: 0,
             num_closed: 0,
-            num_tried: 0,
-            num_lifted: 0,
+            num_tried: found.len(),
+            num_lifted: lifting,
             num_robust: found.len(),
-            full_robot_confirmed: [found.len(), lifting],
         })
     }
 

@@ -6,7 +6,7 @@ use anyhow::{Context, Result, bail};
 use evaluation::percentiles::MedianP90;
 use files::atomic_file;
 use grasps::plan::{lift, object_poses};
-use grasps::search::trial::{Physics, TrialOutcome, TrialProtocol, try_grasp};
+use grasps::search::trial::{TrialOutcome, TrialProtocol, try_grasp};
 use grasps::set::catalog::catalog_grasps;
 use grasps::{PlacedObject, RobotContext};
 use objects::object::Object;
@@ -183,7 +183,7 @@ fn shake(robot: &RobotContext, name: &str, object: &Object, trials: usize) -> Re
         cases.push((placed, posture, lift));
     }
     let outcomes = cases.par_iter().map(|(placed, posture, lift)| {
-        try_grasp(Physics::FullRobot, placed, posture, lift, TrialProtocol::FULL)
+        try_grasp(placed, posture, lift, TrialProtocol::FULL)
     });
     let outcomes: Vec<TrialOutcome> = outcomes.collect::<Result<_, _>>()?;
     let slips = outcomes.into_iter().filter_map(|outcome| match outcome {

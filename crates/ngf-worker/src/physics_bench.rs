@@ -6,7 +6,7 @@ use files::atomic_file;
 use objects::object::Object;
 use robot::{JointState, JointVector};
 use rollout::{Attempt, Controller, Phase, RolloutContext};
-use scene::{Scene, Simulation};
+use scene::Scene;
 use std::path::Path;
 use std::time::Instant;
 

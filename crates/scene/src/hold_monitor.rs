@@ -1,7 +1,8 @@
 //! Hold criterion: height of the object, its contacts, and its slip in the palm.
 
 use crate::config::AttemptProtocol;
-use crate::simulation::{ContactState, Simulation};
+use crate::contacts::ContactState;
+use crate::scene::Scene;
 use geometry::{Pose, Vec3};
 
 /// Tracks the object pose in the palm from the start of the lift.
@@ -29,12 +30,12 @@ pub enum HoldFailure {
 
 impl HoldMonitor {
     /// Starts with the current pose of the object in the palm as the reference.
-    pub fn new(scene: &impl Simulation) -> Self {
+    pub fn new(scene: &Scene) -> Self {
         Self { palm_from_object: palm_from_object(scene), slip: 0.0, rotation: 0.0 }
     }
 
     /// Updates displacement and rotation.
-    pub fn update(&mut self, scene: &impl Simulation) {
+    pub fn update(&mut self, scene: &Scene) {
         let now = palm_from_object(scene);
         // The displacement of the object's centre includes its translation and its rotation about the palm.
         let center = Vec3::new(0.0, 0.0, 0.5 * scene.object_size().z);
@@ -48,7 +49,7 @@ impl HoldMonitor {
     /// Checks the hold criterion of `protocol`; `None` if the object is held.
     pub fn failure(
         &self,
-        scene: &impl Simulation,
+        scene: &Scene,
         protocol: &AttemptProtocol,
     ) -> Option<HoldFailure> {
         let touching = scene.contact_state();
@@ -67,7 +68,7 @@ impl HoldMonitor {
 }
 
 /// Pose of the object in the palm body.
-fn palm_from_object(scene: &impl Simulation) -> Pose {
+fn palm_from_object(scene: &Scene) -> Pose {
     scene.palm_pose().inverse() * scene.object_pose()
 }
 

@@ -4,7 +4,6 @@ use crate::config::SceneConfig;
 use crate::tabletop::TabletopWorld;
 use geometry::Vec3;
 use objects::object::Object;
-use rapier3d::prelude::RigidBodyBuilder;
 
 /// Duration of the simulation (s).
 const DURATION: f64 = 2.0;
@@ -17,7 +16,7 @@ const MAX_DISPLACEMENT: f32 = 0.2;
 ///
 /// An object without a valid collision shape does not rest.
 pub fn rests_on_table(config: &SceneConfig, object: &Object) -> bool {
-    let (world, table) = TabletopWorld::create_world(config, RigidBodyBuilder::fixed());
+    let (world, table) = TabletopWorld::create_world(config);
     let [x, y, _] = config.table.center;
     let placed = config.object_pose(x, y, 0.0);
     let Ok(mut tabletop) = TabletopWorld::add_object(world, table, config, object, &placed) else {

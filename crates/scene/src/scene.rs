@@ -2,8 +2,8 @@
 
 use crate::colliders;
 use crate::config::{SceneConfig, SceneError};
+use crate::contacts::{ContactForce, ContactState};
 use crate::links::{self, set_motor_target};
-use crate::simulation::{ContactForce, ContactState, Simulation};
 use crate::tabletop::TabletopWorld;
 use geometry::{Pose, Vec3};
 use objects::object::Object;
@@ -16,7 +16,7 @@ use robot::{ARM_DOF, DOF, FINGER_DOF, JointState, JointVector, KinematicTree, NU
 ///
 /// ```rust
 /// use robot::{JointState, KinematicTree};
-/// use scene::{Scene, SceneConfig, Simulation};
+/// use scene::{Scene, SceneConfig};
 /// let (config, tree) = (SceneConfig::standard()?, KinematicTree::iiwa7_allegro()?);
 /// let object = objects::Object::from_catalog("sugar_box").expect("a built-in object");
 /// let world_from_object = config.object_pose(0.6, 0.0, 0.0); // x, y (m), yaw (rad)
@@ -66,7 +66,7 @@ impl Scene {
         world_from_object: &Pose,
         q: &JointVector,
     ) -> Result<Self, SceneError> {
-        let (mut world, table) = TabletopWorld::create_world(config, RigidBodyBuilder::fixed());
+        let (mut world, table) = TabletopWorld::create_world(config);
         let (bodies, joints) = insert_robot(&mut world, config, tree)?;
         let tabletop = TabletopWorld::add_object(world, table, config, object, world_from_object)?;
         let mut scene = Self {
@@ -82,6 +82,51 @@ impl Scene {
         scene.set_joint_positions(q);
         scene.set_motor_targets(&JointState::at_rest(*q));
         Ok(scene)
+    }
+
+    /// Steps physics for one control period. The joint targets follow the cubic from `from` to `to`, which is
+    /// exact for the constant acceleration of Eq. 6-7.
+    pub fn track(&mut self, from: &JointState, to: &JointState) {
+        for substep in 1..=self.substeps {
+            let s = substep as f64 / self.substeps as f64;
+            self.set_motor_targets(&links::hermite(from, to, s));
+            if self.drag_spring.is_some() {
+                self.tabletop.apply_drag_spring(self.drag_spring.as_ref());
+            }
+            self.tabletop.world.step();
+            self.steps += 1;
+        }
+    }
+
+    /// Pose of the palm body.
+    pub fn palm_pose(&self) -> Pose {
+        self.body_pose(ARM_DOF)
+    }
+
+    /// Pose of the object.
+    pub fn object_pose(&self) -> Pose {
+        self.tabletop.object_pose()
+    }
+
+    /// Extents (m) of the object's bounding box, object frame.
+    pub fn object_size(&self) -> Vec3 {
+        self.tabletop.object_size
+    }
+
+    /// Height (m) of the lowest point of the object above the table top.
+    pub fn object_height(&self) -> f32 {
+        self.tabletop.object_height()
+    }
+
+    /// Current contacts of the object.
+    pub fn contact_state(&self) -> ContactState {
+        let body_of = |parent| self.bodies.iter().position(|&body| Some(body) == parent);
+        self.tabletop.contact_state(|parent| body_of(parent).map(|body| body >= ARM_DOF))
+    }
+
+    /// Whether all poses are finite and rapier has quarantined no body.
+    pub fn is_finite(&self) -> bool {
+        self.joint_positions().iter().all(|x| x.is_finite()) && self.tabletop.is_finite()
     }
 
     /// Measured joint positions (rad).
@@ -203,46 +248,6 @@ impl Scene {
         for (i, link) in multibody.links_mut().skip(1).enumerate() {
             set_motor_target(link, i, state, &self.motors);
         }
-    }
-}
-
-impl Simulation for Scene {
-    fn track(&mut self, from: &JointState, to: &JointState) {
-        for substep in 1..=self.substeps {
-            let s = substep as f64 / self.substeps as f64;
-            self.set_motor_targets(&links::hermite(from, to, s));
-            if self.drag_spring.is_some() {
-                self.tabletop.apply_drag_spring(self.drag_spring.as_ref());
-            }
-            self.tabletop.world.step();
-            self.steps += 1;
-        }
-    }
-
-    fn palm_pose(&self) -> Pose {
-        self.body_pose(ARM_DOF)
-    }
-
-    fn object_pose(&self) -> Pose {
-        self.tabletop.object_pose()
-    }
-
-    fn object_size(&self) -> Vec3 {
-        self.tabletop.object_size
-    }
-
-    fn object_height(&self) -> f32 {
-        let table = self.tabletop.world.bodies[self.tabletop.table].position();
-        self.tabletop.object_height(&Pose::IDENTITY, table)
-    }
-
-    fn contact_state(&self) -> ContactState {
-        let body_of = |parent| self.bodies.iter().position(|&body| Some(body) == parent);
-        self.tabletop.contact_state(|parent| body_of(parent).map(|body| body >= ARM_DOF))
-    }
-
-    fn is_finite(&self) -> bool {
-        self.joint_positions().iter().all(|x| x.is_finite()) && self.tabletop.is_finite()
     }
 }
 

@@ -1,11 +1,11 @@
-//! Table and object under physics, shared by the full scene and the floating hand.
+//! Table and object under physics, without the robot.
 
 use crate::colliders;
 use crate::config::{SceneConfig, SceneError, vec3};
+use crate::contacts::{ContactForce, ContactState};
 use crate::convex_dispatcher::ConvexDispatcher;
 use crate::links::mass_properties;
 use crate::scene::DragSpring;
-use crate::simulation::{ContactForce, ContactState};
 use geometry::{Pose, Vec3};
 use nalgebra::Matrix3;
 use objects::object::Object;
@@ -15,27 +15,20 @@ use rapier3d::prelude::{
 
 pub(crate) struct TabletopWorld {
     pub(crate) world: PhysicsWorld,
-    pub(crate) table: RigidBodyHandle,
     pub(crate) object: RigidBodyHandle,
     /// Extents (m) of the object's bounding box.
     pub(crate) object_size: Vec3,
     table_collider: ColliderHandle,
     object_colliders: Vec<ColliderHandle>,
     object_points: Vec<Vec3>,
-    /// Height (m) of the table top above the centre of the table body.
-    table_half_height: f32,
+    /// Height (m) of the table top, world frame.
+    table_top: f32,
 }
-
-/// Rigid body and collider of the table.
-pub(crate) type TableHandles = (RigidBodyHandle, ColliderHandle);
 
 impl TabletopWorld {
     /// Creates a physics world with the table. The robot must be inserted next and the object last: the order
     /// of bodies determines the order of floating-point sums.
-    pub(crate) fn create_world(
-        config: &SceneConfig,
-        table: RigidBodyBuilder,
-    ) -> (PhysicsWorld, TableHandles) {
+    pub(crate) fn create_world(config: &SceneConfig) -> (PhysicsWorld, ColliderHandle) {
         let mut world = empty_world();
         let parameters = &mut world.integration_parameters;
         parameters.dt = config.physics_dt() as f32;
@@ -47,15 +40,15 @@ impl TabletopWorld {
         parameters.length_unit = physics.length_unit;
         // Contact recycling is designed for metre-sized objects; fingers are 2 cm wide.
         parameters.contact_recycling = false;
-        let body = table.translation(vec3(config.table.center));
-        let table = world.insert(body, colliders::table_collider(config));
-        (world, table)
+        let body = RigidBodyBuilder::fixed().translation(vec3(config.table.center));
+        let (_, table_collider) = world.insert(body, colliders::table_collider(config));
+        (world, table_collider)
     }
 
     /// Inserts the object and completes the world.
     pub(crate) fn add_object(
         mut world: PhysicsWorld,
-        (table, table_collider): TableHandles,
+        table_collider: ColliderHandle,
         config: &SceneConfig,
         object: &Object,
         world_from_object: &Pose,
@@ -73,13 +66,12 @@ impl TabletopWorld {
             .collect();
         Ok(Self {
             world,
-            table,
             object: body,
             object_size: object.size(),
             table_collider,
             object_colliders,
             object_points: object.parts.concat(),
-            table_half_height: config.table.half_extents[2],
+            table_top: config.table_top(),
         })
     }
 
@@ -95,11 +87,11 @@ impl TabletopWorld {
         body.set_angvel(Vec3::ZERO, true);
     }
 
-    /// Height (m) of the lowest point of the object above the table top; the simulation frame may move.
-    pub(crate) fn object_height(&self, world_from_here: &Pose, world_from_table: &Pose) -> f32 {
-        let pose = *world_from_here * self.object_pose();
+    /// Height (m) of the lowest point of the object above the table top.
+    pub(crate) fn object_height(&self) -> f32 {
+        let pose = self.object_pose();
         let lowest = self.object_points.iter().map(|&p| (pose * p).z).fold(f32::INFINITY, f32::min);
-        lowest - (world_from_table.translation.z + self.table_half_height)
+        lowest - self.table_top
     }
 
     /// Current contacts of the object. `is_hand` returns true for hand bodies, false for arm bodies, else
@@ -291,9 +283,8 @@ mod tests {
     /// Simulates 10 s. Returns the max penetration (m), and the max energy gain over any period as a height
     /// (m) of the object.
     fn simulate(config: &SceneConfig, object: &Object, pose: &Pose) -> [f32; 2] {
-        let (world, table) = TabletopWorld::create_world(config, RigidBodyBuilder::fixed());
-        let mut tabletop =
-            TabletopWorld::add_object(world, table, config, object, pose).unwrap();
+        let (world, table) = TabletopWorld::create_world(config);
+        let mut tabletop = TabletopWorld::add_object(world, table, config, object, pose).unwrap();
         let (mut deepest, mut lowest, mut gain) = (0.0_f32, f32::INFINITY, 0.0_f32);
         for _ in 0..(10.0 / config.physics_dt()).round() as usize {
             tabletop.world.step();

@@ -8,7 +8,7 @@ use js_sys::Float32Array;
 use robot::{JointVector, rotation};
 use rollout::TelemetrySample;
 use scene::config::CONTROL_DT;
-use scene::{ContactForce, Simulation};
+use scene::ContactForce;
 use std::borrow::Cow;
 
 impl Session {

@@ -1,7 +1,7 @@
 //! Demonstrations: fabric motions out of a grasp, reversed, followed by closing and hold (paper §II-A).
 
 use crate::plan::retreat::plan_retreat;
-use crate::search::trial::{self, GraspMotion, Physics, TrialOutcome, TrialProtocol};
+use crate::search::trial::{self, GraspMotion, TrialOutcome, TrialProtocol};
 use crate::{PlacedObject, Posture, RobotContext};
 use fabrics::planner::Plan;
 use geometry::{Pose, Vec3};
@@ -231,14 +231,12 @@ impl Demonstration {
     /// Replays the end of the demonstration in physics, executes `lift`, and returns the outcome.
     pub fn replay(
         &self,
-        physics: Physics,
         placed: &PlacedObject,
         lift: &[JointState],
         protocol: TrialProtocol,
     ) -> Result<TrialOutcome, SceneError> {
         let states = &self.states[self.contact_row.saturating_sub(REPLAY_LEAD_ROWS)..];
-        let motion = GraspMotion { states, grasp_posture: self.states[self.contact_row].q, lift };
-        motion.simulate(physics, placed, protocol)
+        GraspMotion { states, lift }.simulate(placed, protocol)
     }
 }
 

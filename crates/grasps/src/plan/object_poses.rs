@@ -1,7 +1,7 @@
 //! Object poses at which grasps are planned and tried, and at which their coverage is counted.
 
 use crate::plan::lift;
-use crate::search::trial::{self, Physics, TrialOutcome, TrialProtocol};
+use crate::search::trial::{self, TrialOutcome, TrialProtocol};
 use crate::set::grasp::{Grasp, Posture};
 use crate::set::symmetry::expand_by_symmetry;
 use crate::{PlacedObject, RobotContext};
@@ -89,14 +89,13 @@ impl<'a> PlannedGrasp<'a> {
     /// Executes the planned grasp with the object displaced by `[x, y, yaw]` (m, rad) from the planned pose.
     pub fn try_perturbed(
         &self,
-        physics: Physics,
         [dx, dy, dyaw]: [f32; 3],
         protocol: TrialProtocol,
     ) -> Result<TrialOutcome, SceneError> {
         let [x, y, yaw] = self.planar_pose;
         let displaced = self.placed.robot.config.object_pose(x + dx, y + dy, yaw + dyaw);
         let placed = self.placed.at_pose(&displaced);
-        trial::try_grasp(physics, &placed, &self.posture, &self.lift, protocol)
+        trial::try_grasp(&placed, &self.posture, &self.lift, protocol)
     }
 }
 

@@ -4,7 +4,7 @@ use crate::plan::object_poses::{PlannedGrasp, coverage_poses, reachability};
 use crate::search::SearchConfig;
 use crate::search::candidates::{self, CandidateConfig, SearchTarget, evaluate_candidate};
 use crate::search::contact_forces::Squeeze;
-use crate::search::trial::{Physics, TrialOutcome, TrialProtocol};
+use crate::search::trial::{TrialOutcome, TrialProtocol};
 use crate::set::clusters::{self, ScoredGrasp, half_turn};
 use crate::set::grasp::Grasp;
 use crate::set::import::ImportedGrasp;
@@ -56,7 +56,7 @@ pub fn search(
         let progress = &mut |fraction| progress(0.5 + 0.2 * (round as f32 + fraction));
         scored.extend(search.refine_best(&scored, is_turned, progress)?);
     }
-    search.finish(scored, &mut |fraction| progress(0.9 + 0.1 * fraction))
+    Ok(search.finish(scored))
 }
 
 /// Searches for robust grasps around a palm pose (object frame), as [`search`] does around its best grasps.
@@ -95,7 +95,7 @@ pub fn try_imported(
             scored.extend(search.score_grasp(&grasp)?);
         }
     }
-    search.finish(scored, &mut |fraction| progress(0.9 + 0.1 * fraction))
+    Ok(search.finish(scored))
 }
 
 impl<'a> Search<'a> {
@@ -125,16 +125,12 @@ impl<'a> Search<'a> {
     }
 
     /// Filters the robust grasps and clusters them.
-    fn finish(
-        &self,
-        scored: Vec<ScoredGrasp>,
-        progress: &mut dyn FnMut(f32),
-    ) -> Result<(GraspSet, Vec<ScoredGrasp>), SceneError> {
+    fn finish(&self, scored: Vec<ScoredGrasp>) -> (GraspSet, Vec<ScoredGrasp>) {
         let num_lifted = scored.len();
         let min = self.config.min_repeat_successes;
         let robust: Vec<_> =
             scored.into_iter().filter(|found| found.repeat_successes >= min).collect();
-        let (grasps, confirmed) = self.confirmed_clusters(&robust, progress)?;
+        let grasps = self.clusters(&robust);
         let set = GraspSet {
             grasps,
             num_candidates: self.num_candidates,
@@ -142,9 +138,8 @@ impl<'a> Search<'a> {
             num_tried: self.num_tried,
             num_lifted,
             num_robust: robust.len(),
-            full_robot_confirmed: confirmed,
         };
-        Ok((set, robust))
+        (set, robust)
     }
 
     /// Samples palm poses all around the object and tries those with the strongest squeezes. Returns the
@@ -269,74 +264,43 @@ impl<'a> Search<'a> {
         self.num_tried += 1;
         let mut found = ScoredGrasp { grasp: grasp.clone(), repeat_successes: 0, shake_slip: None };
         let unperturbed = [0.0; 3];
-        if !self.lifts(Physics::HandOnly, &planned, unperturbed, TrialProtocol::SHORT)? {
+        if !self.lifts(&planned, unperturbed, TrialProtocol::SHORT)? {
             return Ok(None);
         }
         let config = self.config;
         let mut num_failed = 0;
         for perturbation in &self.perturbations {
             let lifts =
-                self.lifts(Physics::HandOnly, &planned, *perturbation, TrialProtocol::SHORT)?;
+                self.lifts(&planned, *perturbation, TrialProtocol::SHORT)?;
             num_failed += usize::from(!lifts);
             if num_failed + config.min_repeat_successes > config.num_repeats {
                 return Ok(Some(found));
             }
         }
         found.repeat_successes = config.num_repeats - num_failed;
-        let outcome = planned.try_perturbed(Physics::HandOnly, unperturbed, SHAKE_TRIAL)?;
+        let outcome = planned.try_perturbed(unperturbed, SHAKE_TRIAL)?;
         if let TrialOutcome::Lifted { slip } = outcome {
             found.shake_slip = Some(slip);
         }
         Ok(Some(found))
     }
 
-    /// Clusters the robust grasps and confirms each cluster with the full robot. A grasp that fails there is
-    /// removed, and the rest is clustered again. Also returns the numbers of tried and confirmed grasps.
-    fn confirmed_clusters(
-        &self,
-        robust: &[ScoredGrasp],
-        progress: &mut dyn FnMut(f32),
-    ) -> Result<(Vec<Grasp>, [usize; 2]), SceneError> {
-        let mut remaining = robust.to_vec();
+    /// Clusters the robust grasps.
+    fn clusters(&self, robust: &[ScoredGrasp]) -> Vec<Grasp> {
         let poses = coverage_poses(self.robot);
-        let of = |found: &ScoredGrasp| reachability(&self.at_origin, &poses, &found.grasp);
-        let mut reach: Vec<_> = remaining.iter().map(of).collect();
-        let (mut confirmed, mut tried) = (Vec::new(), 0);
-        loop {
-            let (hand, count) = (&self.robot.tree.hand, self.config.num_clusters);
-            let chosen = clusters::cluster_grasps(hand, self.object, &remaining, &reach, count);
-            let key = |grasp: &Grasp| (grasp.object_from_palm, grasp.grasp, grasp.squeeze);
-            let new = chosen.iter().find(|grasp| !confirmed.contains(&key(grasp)));
-            let Some(new) = new else { return Ok((chosen, [tried, confirmed.len()])) };
-            progress(confirmed.len() as f32 / chosen.len() as f32);
-            tried += 1;
-            if self.is_confirmed(new)? {
-                confirmed.push(key(new));
-            } else if let Some(i) = remaining.iter().position(|found| key(&found.grasp) == key(new))
-            {
-                remaining.remove(i);
-                reach.remove(i);
-            }
-        }
-    }
-
-    pub(crate) fn is_confirmed(&self, grasp: &Grasp) -> Result<bool, SceneError> {
-        match PlannedGrasp::plan_at_easiest_yaw(&self.at_origin, grasp)? {
-            Some(planned) => {
-                self.lifts(Physics::FullRobot, &planned, [0.0; 3], TrialProtocol::SHORT)
-            }
-            None => Ok(false),
-        }
+        let reach_of = |found: &ScoredGrasp| reachability(&self.at_origin, &poses, &found.grasp);
+        let reach: Vec<_> = robust.iter().map(reach_of).collect();
+        let (hand, count) = (&self.robot.tree.hand, self.config.num_clusters);
+        clusters::cluster_grasps(hand, self.object, robust, &reach, count)
     }
 
     fn lifts(
         &self,
-        physics: Physics,
         planned: &PlannedGrasp,
         perturbation: [f32; 3],
         protocol: TrialProtocol,
     ) -> Result<bool, SceneError> {
-        let outcome = planned.try_perturbed(physics, perturbation, protocol)?;
+        let outcome = planned.try_perturbed(perturbation, protocol)?;
         Ok(matches!(outcome, TrialOutcome::Lifted { slip } if slip <= self.config.max_slip))
     }
 }

@@ -3,7 +3,7 @@
 //! A policy conditioned on one point cloud is off by 10 mm and a few degrees, and closes its fingers all the
 //! same. With such an error, some grasps of a heavy bottle lift nearly always, others one time in three.
 //! Those from above slip off its shoulder if the hand is 10 mm too high. The repeats of the search do not
-//! separate them: they are few, use the hand only, and displace the object on the table, not in height.
+//! separate them: they are few, and displace the object on the table, not in height.
 //!
 //! The object itself does not predict success on similar objects. Two grasps of the bleach bottle from
 //! straight above lifted in 0.83 and 0.62 of their trials. With them, a policy lifted the unseen mustard
@@ -12,7 +12,7 @@
 use crate::plan::demonstration::TrajectoryConfig;
 use crate::plan::object_poses::{PlannedGrasp, coverage_poses, reachability};
 use crate::plan::{demonstration, lift};
-use crate::search::trial::{self, Physics, TrialOutcome, TrialProtocol};
+use crate::search::trial::{self, TrialOutcome, TrialProtocol};
 use crate::search::{candidates, palm_transfer};
 use crate::set::clusters::{ScoredGrasp, half_turn};
 use crate::set::grasp::{Grasp, Posture};
@@ -26,7 +26,7 @@ use rand_chacha::ChaCha8Rng;
 use robot::Isometry;
 use scene::SceneError;
 
-/// Number of trials of each grasp with the full robot.
+/// Number of trials of each grasp.
 const NUM_TRIALS: usize = 24;
 
 /// Maximum error of the palm along each of its axes (m) and about each (rad).
@@ -107,8 +107,8 @@ pub fn mean_success_rate(
     Ok(sum / (1 + similar.len()) as f64)
 }
 
-/// Success rate of a grasp with the full robot, over trials with random errors of palm and fingers; 0 after
-/// an early stop.
+/// Success rate of a grasp over trials with random errors of palm and fingers; 0 after an early
+/// stop.
 pub fn success_rate(
     robot: &RobotContext,
     object: &Object,
@@ -153,11 +153,11 @@ fn success_rate_over(
     Ok(lifted as f64 / trials as f64)
 }
 
-/// Whether a grasp lifts with the full robot; the open hand may graze the object.
+/// Whether a grasp lifts; the open hand may graze the object.
 fn lifts(placed: &PlacedObject, grasp: &Grasp) -> Result<bool, SceneError> {
     let Some(posture) = placed.solve_posture(grasp) else { return Ok(false) };
     let Some(lift) = lift::plan_from_grasp(placed, &posture)? else { return Ok(false) };
-    let outcome = trial::try_grasp(Physics::FullRobot, placed, &posture, &lift, HOLD_TRIAL)?;
+    let outcome = trial::try_grasp(placed, &posture, &lift, HOLD_TRIAL)?;
     Ok(matches!(outcome, TrialOutcome::Lifted { .. }))
 }
 

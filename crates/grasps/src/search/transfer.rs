@@ -46,7 +46,6 @@ pub fn transfer(
         is_curated,
         num_lifted: 0,
         num_robust: 0,
-        full_robot_confirmed: [0; 2],
     };
     let mut found = Vec::new();
     for grasp in &set.grasps {
@@ -60,7 +59,7 @@ pub fn transfer(
             found[i] = tries.find_near(&palm, grasp)?;
         }
     }
-    let TransferSearch { search, num_lifted, num_robust, full_robot_confirmed, .. } = tries;
+    let TransferSearch { search, num_lifted, num_robust, .. } = tries;
     let Search { num_candidates, num_closed, num_tried, .. } = search;
     let grasps = found.into_iter().flatten().collect();
     Ok(GraspSet {
@@ -70,7 +69,6 @@ pub fn transfer(
         num_tried,
         num_lifted,
         num_robust,
-        full_robot_confirmed,
     })
 }
 
@@ -81,7 +79,6 @@ struct TransferSearch<'a> {
     is_curated: bool,
     num_lifted: usize,
     num_robust: usize,
-    full_robot_confirmed: [usize; 2],
 }
 
 impl TransferSearch<'_> {
@@ -111,13 +108,9 @@ impl TransferSearch<'_> {
         found.sort_by(|a, b| far(a).total_cmp(&far(b)));
         let mut best: Option<(f64, Grasp)> = None;
         for ScoredGrasp { grasp: near, .. } in found {
-            self.full_robot_confirmed[0] += 1;
-            if !self.search.is_confirmed(&near)?
-                || !robustness::is_approachable(robot, object, &near)?
-            {
+            if !robustness::is_approachable(robot, object, &near)? {
                 continue;
             }
-            self.full_robot_confirmed[1] += 1;
             let rate =
                 if self.is_curated { robustness::success_rate(robot, object, &near)? } else { 1.0 };
             if rate >= robustness::MIN_RATE

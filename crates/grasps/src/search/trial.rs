@@ -4,9 +4,7 @@ use crate::PlacedObject;
 use crate::set::grasp::Posture;
 use robot::{JointState, JointVector};
 use scene::config::CONTROL_DT;
-use scene::{
-    FloatingHandScene, HoldFailure, HoldMonitor, Scene, SceneConfig, SceneError, Simulation,
-};
+use scene::{HoldFailure, HoldMonitor, Scene, SceneError};
 
 /// Outcome of a trial.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -38,15 +36,6 @@ pub fn rest_to_rest(from: &JointVector, to: &JointVector, count: usize) -> Vec<J
     rows
 }
 
-/// The simulated bodies of a trial.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Physics {
-    /// The hand on a kinematically driven palm: several times as fast.
-    HandOnly,
-    /// Arm and hand.
-    FullRobot,
-}
-
 /// Load on a grasp after the lift.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TrialProtocol {
@@ -65,7 +54,6 @@ impl TrialProtocol {
 
 /// Tries a grasp: the fingers close in 16 rows, squeeze in 10, hold for 0.3 s, then the arm executes `lift`.
 pub fn try_grasp(
-    physics: Physics,
     placed: &PlacedObject,
     posture: &Posture,
     lift: &[JointState],
@@ -80,16 +68,13 @@ pub fn try_grasp(
     }
     let pressing = JointState::at_rest(posture.squeeze);
     states.extend(std::iter::repeat_n(pressing, 1 + ticks(0.3)));
-    let motion = GraspMotion { states: &states, grasp_posture: posture.grasp, lift };
-    motion.simulate(physics, placed, protocol)
+    GraspMotion { states: &states, lift }.simulate(placed, protocol)
 }
 
 /// A motion into a grasp and a lift, to be simulated.
 pub struct GraspMotion<'a> {
     /// States of the motion into the grasp, one per control period.
     pub states: &'a [JointState],
-    /// Posture (rad) with the palm at its grasp pose.
-    pub grasp_posture: JointVector,
     /// States of the lift; see [`crate::plan::lift`].
     pub lift: &'a [JointState],
 }
@@ -98,40 +83,21 @@ impl GraspMotion<'_> {
     /// Simulates the motion and returns the outcome.
     pub fn simulate(
         &self,
-        physics: Physics,
         placed: &PlacedObject,
         protocol: TrialProtocol,
     ) -> Result<TrialOutcome, SceneError> {
         let (config, tree) = (&placed.robot.config, &placed.robot.tree);
-        let (object, pose, start) = (placed.object, &placed.world_from_object, &self.states[0]);
-        match physics {
-            Physics::HandOnly => {
-                let mut scene =
-                    FloatingHandScene::new(config, tree, object, pose, start, &self.grasp_posture)?;
-                Ok(self.simulate_in(&mut scene, config, protocol))
-            }
-            Physics::FullRobot => {
-                let mut scene = Scene::new(config, tree, object, pose, &start.q)?;
-                Ok(self.simulate_in(&mut scene, config, protocol))
-            }
-        }
-    }
-
-    fn simulate_in(
-        &self,
-        scene: &mut impl Simulation,
-        config: &SceneConfig,
-        protocol: TrialProtocol,
-    ) -> TrialOutcome {
+        let (pose, start) = (&placed.world_from_object, &self.states[0].q);
+        let mut scene = Scene::new(config, tree, placed.object, pose, start)?;
         for pair in self.states.windows(2) {
             scene.track(&pair[0], &pair[1]);
         }
-        let mut hold = HoldMonitor::new(scene);
+        let mut hold = HoldMonitor::new(&scene);
         for pair in self.lift.windows(2) {
             scene.track(&pair[0], &pair[1]);
-            hold.update(scene);
+            hold.update(&scene);
             if hold.slip > config.protocol.max_slip {
-                return TrialOutcome::Failed(HoldFailure::Slipped);
+                return Ok(TrialOutcome::Failed(HoldFailure::Slipped));
             }
         }
         let top = self.lift[self.lift.len() - 1];
@@ -143,14 +109,14 @@ impl GraspMotion<'_> {
             scene.track(&pair[0], &pair[1]);
             // Check this first: a non-finite state would be reported as a foreign contact.
             if !scene.is_finite() {
-                return TrialOutcome::NotFinite;
+                return Ok(TrialOutcome::NotFinite);
             }
-            hold.update(scene);
-            if let Some(loss) = hold.failure(scene, &config.protocol) {
-                return TrialOutcome::Failed(loss);
+            hold.update(&scene);
+            if let Some(loss) = hold.failure(&scene, &config.protocol) {
+                return Ok(TrialOutcome::Failed(loss));
             }
         }
-        TrialOutcome::Lifted { slip: hold.slip }
+        Ok(TrialOutcome::Lifted { slip: hold.slip })
     }
 }
 

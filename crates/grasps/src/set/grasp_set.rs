@@ -7,19 +7,16 @@ use crate::Grasp;
 pub struct GraspSet {
     /// Robust grasps, in order of their cluster.
     pub grasps: Vec<Grasp>,
-    /// Candidate palm poses. This and the next three counts are 0 if the grasps were selected from earlier
-    /// searches.
+    /// Candidate palm poses. This and the next count are 0 if the grasps were selected from earlier searches.
     pub num_candidates: usize,
     /// Candidates, perturbed ones included, whose closed hand has balanced contact forces.
     pub num_closed: usize,
-    /// Closed candidates that were tried in physics with the hand only.
+    /// Closed candidates that were tried in physics.
     pub num_tried: usize,
     /// Trials that lifted the object.
     pub num_lifted: usize,
     /// Grasps that also lifted the object in the perturbed repeats.
     pub num_robust: usize,
-    /// Robust grasps that were tried with the full robot, and those of them that lifted the object.
-    pub full_robot_confirmed: [usize; 2],
 }
 
 impl GraspSet {
@@ -55,9 +52,6 @@ impl GraspSet {
             num_tried: self.num_tried + later.num_tried,
             num_lifted: self.num_lifted + later.num_lifted,
             num_robust: self.num_robust + later.num_robust,
-            full_robot_confirmed: std::array::from_fn(|i| {
-                self.full_robot_confirmed[i] + later.full_robot_confirmed[i]
-            }),
         }
     }
 }

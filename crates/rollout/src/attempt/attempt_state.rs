@@ -11,7 +11,7 @@ use crate::attempt::{FailureReason, Outcome, Phase};
 use crate::rollout_context::RolloutContext;
 use robot::JointState;
 use scene::config::{AttemptProtocol, CONTROL_DT};
-use scene::{HoldFailure, HoldMonitor, Scene, SceneError, Simulation};
+use scene::{HoldFailure, HoldMonitor, Scene, SceneError};
 
 /// Simulation, phase and outcome of an attempt.
 pub(crate) struct AttemptState {

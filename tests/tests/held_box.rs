@@ -9,7 +9,7 @@ use grasps::{Grasp, PlacedObject, Posture, RobotContext};
 use objects::object::Object;
 use robot::{JointState, JointVector, integrator};
 use scene::config::CONTROL_DT;
-use scene::{HoldMonitor, Scene, Simulation};
+use scene::{HoldMonitor, Scene};
 
 /// Tracks accelerations, one per control tick.
 fn track(scene: &mut Scene, state: &mut JointState, rows: &[JointVector]) {
