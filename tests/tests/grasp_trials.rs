@@ -31,8 +31,7 @@ fn assert_repeats_lift(name: &str, min_lifted: usize) {
     for _ in 0..REPEATS {
         let mut draw = |max: f32| rng.random_range(-max..=max);
         let perturbation = [draw(SHIFT), draw(SHIFT), draw(ROTATION)];
-        let outcome =
-            planned.try_perturbed(perturbation, TrialProtocol::SHORT).unwrap();
+        let outcome = planned.try_perturbed(perturbation, TrialProtocol::SHORT).unwrap();
         if !matches!(outcome, TrialOutcome::Lifted { .. }) {
             failed.push(perturbation);
         }
@@ -72,8 +71,7 @@ fn bleach_bottle_is_held_with_85_percent_of_the_squeeze() {
             let planned = PlannedGrasp::plan_at_easiest_yaw(&at_origin, &weaker)
                 .unwrap()
                 .expect("a reachable pose");
-            let outcome =
-                planned.try_perturbed([0.0; 3], TrialProtocol::SHORT).unwrap();
+            let outcome = planned.try_perturbed([0.0; 3], TrialProtocol::SHORT).unwrap();
             matches!(outcome, TrialOutcome::Lifted { .. })
         };
         assert_eq!([1.0, 0.85, 0.5].map(lifts), [true, true, false], "cluster {}", grasp.cluster);

@@ -84,12 +84,15 @@ pub(crate) fn run(options: &Options) -> Result<()> {
     for (_, setting) in &settings {
         with_settings(&standard, setting)?;
     }
-    let objects = options.object.iter().map(|name| {
-        Ok((name.as_str(), objects::catalog::built_in_object(name)?))
-    });
+    let objects = options
+        .object
+        .iter()
+        .map(|name| Ok((name.as_str(), objects::catalog::built_in_object(name)?)));
     let objects: Vec<(&str, Object)> = objects.collect::<Result<_>>()?;
     let mut rows: Vec<Row> = Vec::new();
-    println!("setting, object: ms per control period; lifted; verdict of the reference; slip; shaken");
+    println!(
+        "setting, object: ms per control period; lifted; verdict of the reference; slip; shaken"
+    );
     for (name, object) in &objects {
         let mut reference = Vec::new();
         for (label, setting) in &settings {
@@ -182,9 +185,9 @@ fn shake(robot: &RobotContext, name: &str, object: &Object, trials: usize) -> Re
         let Some(lift) = lift::plan_from_grasp(&placed, &posture)? else { continue };
         cases.push((placed, posture, lift));
     }
-    let outcomes = cases.par_iter().map(|(placed, posture, lift)| {
-        try_grasp(placed, posture, lift, TrialProtocol::FULL)
-    });
+    let outcomes = cases
+        .par_iter()
+        .map(|(placed, posture, lift)| try_grasp(placed, posture, lift, TrialProtocol::FULL));
     let outcomes: Vec<TrialOutcome> = outcomes.collect::<Result<_, _>>()?;
     let slips = outcomes.into_iter().filter_map(|outcome| match outcome {
         TrialOutcome::Lifted { slip } => Some(f64::from(slip)),

@@ -75,7 +75,10 @@ pub(crate) fn rows(
         while attempt.outcome().is_none() {
             let is_holding = attempt.phase() == Phase::Hold;
             if let Some(file) = state_file.filter(|_| is_holding && is_first) {
-                atomic_file::write(file, &serde_json::to_vec(&HoldingState::of(&attempt, object))?)?;
+                atomic_file::write(
+                    file,
+                    &serde_json::to_vec(&HoldingState::of(&attempt, object))?,
+                )?;
                 is_first = false;
             }
             let start = Instant::now();

@@ -47,11 +47,7 @@ impl HoldMonitor {
     }
 
     /// Checks the hold criterion of `protocol`; `None` if the object is held.
-    pub fn failure(
-        &self,
-        scene: &Scene,
-        protocol: &AttemptProtocol,
-    ) -> Option<HoldFailure> {
+    pub fn failure(&self, scene: &Scene, protocol: &AttemptProtocol) -> Option<HoldFailure> {
         let touching = scene.contact_state();
         if self.slip > protocol.max_slip || self.rotation > protocol.max_rotation_deg.to_radians() {
             return Some(HoldFailure::Slipped);
@@ -95,12 +91,17 @@ mod tests {
     fn at_the_fingertip() -> Pose {
         let config = SceneConfig::standard().unwrap();
         let tree = KinematicTree::iiwa7_allegro().unwrap();
-        let tip = tree.fingertips[1];
         let kinematics = tree.forward_kinematics(&config.home());
-        let world_from_tip = kinematics.world_from_body[tip.body] * tip.body_from_frame;
-        let position = robot::rotation::to_vec3(&world_from_tip.translation.vector);
-        // The fingertip radius is 12 mm; the tip penetrates the top of the box by 4 mm.
-        Pose::from_translation(position - Vec3::Z * (0.176 + 0.008))
+        let [index, middle] = [0, 1].map(|finger| {
+            let tip = tree.fingertips[finger];
+            let world_from_tip = kinematics.world_from_body[tip.body] * tip.body_from_frame;
+            robot::rotation::to_vec3(&world_from_tip.translation.vector)
+        });
+        // The fingertip radius is 12 mm; the tip penetrates the top of the box by 4 mm. The narrow side of the
+        // box is across the fingers, so that it touches no other finger.
+        let across = middle - index;
+        let rotation = glamx::Quat::from_rotation_z(libm::atan2f(across.y, across.x));
+        Pose::from_parts(middle - Vec3::Z * (0.176 + 0.008), rotation)
     }
 
     #[test]

@@ -7,8 +7,8 @@ use geometry::Pose;
 use js_sys::Float32Array;
 use robot::{JointVector, rotation};
 use rollout::TelemetrySample;
-use scene::config::CONTROL_DT;
 use scene::ContactForce;
+use scene::config::CONTROL_DT;
 use std::borrow::Cow;
 
 impl Session {

@@ -270,8 +270,7 @@ impl<'a> Search<'a> {
         let config = self.config;
         let mut num_failed = 0;
         for perturbation in &self.perturbations {
-            let lifts =
-                self.lifts(&planned, *perturbation, TrialProtocol::SHORT)?;
+            let lifts = self.lifts(&planned, *perturbation, TrialProtocol::SHORT)?;
             num_failed += usize::from(!lifts);
             if num_failed + config.min_repeat_successes > config.num_repeats {
                 return Ok(Some(found));

@@ -41,12 +41,7 @@ pub fn transfer(
 ) -> Result<GraspSet, SceneError> {
     let search = Search::new(robot, object, config, seed);
     let is_curated = set.is_curated();
-    let mut tries = TransferSearch {
-        search,
-        is_curated,
-        num_lifted: 0,
-        num_robust: 0,
-    };
+    let mut tries = TransferSearch { search, is_curated, num_lifted: 0, num_robust: 0 };
     let mut found = Vec::new();
     for grasp in &set.grasps {
         let palm = transfer_palm(robot, from, variant, grasp);
@@ -62,14 +57,7 @@ pub fn transfer(
     let TransferSearch { search, num_lifted, num_robust, .. } = tries;
     let Search { num_candidates, num_closed, num_tried, .. } = search;
     let grasps = found.into_iter().flatten().collect();
-    Ok(GraspSet {
-        grasps,
-        num_candidates,
-        num_closed,
-        num_tried,
-        num_lifted,
-        num_robust,
-    })
+    Ok(GraspSet { grasps, num_candidates, num_closed, num_tried, num_lifted, num_robust })
 }
 
 /// A search for transferred grasps on one object, with its counts.
