@@ -4,6 +4,7 @@ use crate::plan::object_poses::{PlannedGrasp, coverage_poses, reachability};
 use crate::search::SearchConfig;
 use crate::search::candidates::{self, CandidateConfig, SearchTarget, evaluate_candidate};
 use crate::search::contact_forces::Squeeze;
+use crate::search::parallel;
 use crate::search::trial::{TrialOutcome, TrialProtocol};
 use crate::set::clusters::{self, ScoredGrasp, half_turn};
 use crate::set::grasp::Grasp;
@@ -34,7 +35,7 @@ pub(crate) struct Search<'a> {
     pub(crate) config: &'a SearchConfig,
     /// Displacements of the object in the repeats, the same for every grasp: x, y (m), yaw (rad).
     perturbations: Vec<[f32; 3]>,
-    pub(crate) rng: ChaCha8Rng,
+    seed: u64,
     pub(crate) num_candidates: usize,
     pub(crate) num_closed: usize,
     pub(crate) num_tried: usize,
@@ -86,14 +87,17 @@ pub fn try_imported(
 ) -> Result<(GraspSet, Vec<ScoredGrasp>), SceneError> {
     let progress = report_fraction(progress);
     let mut search = Search::new(robot, object, config, seed);
-    let mut scored = Vec::new();
-    for (i, row) in imported.iter().enumerate() {
-        progress(0.9 * i as f32 / imported.len() as f32);
-        search.num_candidates += 1;
+    let rows: Vec<(usize, &ImportedGrasp)> = imported.iter().enumerate().collect();
+    let closed = parallel::map(&rows, |(i, row)| {
         let proposal = row.candidate_config(&config.candidate);
-        if let Some((grasp, _)) = search.close_at(row.object_from_palm, &proposal) {
-            scored.extend(search.score_grasp(&grasp)?);
-        }
+        search.close_at(row.object_from_palm, &proposal, &mut search.candidate_rng(*i))
+    });
+    let closed: Vec<Grasp> = closed.into_iter().flatten().map(|(grasp, _)| grasp).collect();
+    (search.num_candidates, search.num_closed) = (imported.len(), closed.len());
+    let mut scored = Vec::new();
+    for (i, batch) in closed.chunks(TRIAL_BATCH).enumerate() {
+        progress(0.9 * (i * TRIAL_BATCH) as f32 / closed.len() as f32);
+        scored.extend(search.score_grasps(batch)?);
     }
     Ok(search.finish(scored))
 }
@@ -117,7 +121,7 @@ impl<'a> Search<'a> {
             target: SearchTarget::new(object, &robot.config),
             config,
             perturbations,
-            rng,
+            seed,
             num_candidates: 0,
             num_closed: 0,
             num_tried: 0,
@@ -151,32 +155,28 @@ impl<'a> Search<'a> {
         let config = self.config;
         let mut found = Vec::new();
         while self.num_candidates < config.max_candidates && found.len() < config.max_closed {
-            let palm = candidates::sample_palm(self.object, &config.candidate, &mut self.rng);
-            found.extend(self.close_at(palm, &config.candidate));
-            self.num_candidates += 1;
-            if self.num_candidates.is_multiple_of(256) {
-                let fraction = found.len() as f32 / config.max_closed as f32;
-                progress(
-                    0.5 * fraction.max(self.num_candidates as f32 / config.max_candidates as f32),
-                );
-            }
+            let object = self.object;
+            let sample = |rng: &mut _| candidates::sample_palm(object, &config.candidate, rng);
+            let closed = self.close_batch(sample);
+            found.extend(closed);
+            let fraction = found.len() as f32 / config.max_closed as f32;
+            let fraction = fraction.max(self.num_candidates as f32 / config.max_candidates as f32);
+            progress(0.5 * fraction.min(1.0));
         }
         // At similar force margins, the grasp that covers more poses comes first.
-        let worth = |(grasp, squeeze): (Grasp, Squeeze)| {
-            (
-                squeeze.force_margin.min(SUFFICIENT_FORCE_MARGIN) * self.coverage(&grasp) as f64,
-                grasp,
-            )
-        };
-        let mut found: Vec<_> = found.into_iter().map(worth).collect();
-        found.sort_by(|a, b| b.0.total_cmp(&a.0));
-        let mut scored = Vec::new();
-        for (i, (_, grasp)) in found.iter().enumerate() {
-            progress(0.5 + 0.5 * i as f32 / found.len() as f32);
-            scored.extend(self.score_grasp(grasp)?);
+        let worth = parallel::map(&found, |(grasp, squeeze)| {
+            squeeze.force_margin.min(SUFFICIENT_FORCE_MARGIN) * self.coverage(grasp) as f64
+        });
+        let mut order: Vec<usize> = (0..found.len()).collect();
+        order.sort_by(|&a, &b| worth[b].total_cmp(&worth[a]));
+        let grasps: Vec<Grasp> = order.into_iter().map(|i| found[i].0.clone()).collect();
+        let mut scored: Vec<ScoredGrasp> = Vec::new();
+        for (i, batch) in grasps.chunks(TRIAL_BATCH).enumerate() {
+            progress(0.5 + 0.5 * (i * TRIAL_BATCH) as f32 / grasps.len() as f32);
+            scored.extend(self.score_grasps(batch)?);
             let robust =
                 scored.iter().filter(|found| found.repeat_successes >= config.min_repeat_successes);
-            if robust.count() == config.target_robust {
+            if robust.count() >= config.target_robust {
                 break;
             }
         }
@@ -221,17 +221,20 @@ impl<'a> Search<'a> {
         let mut scored = Vec::new();
         for (i, seed) in seeds.iter().enumerate() {
             progress(i as f32 / seeds.len() as f32);
-            let before = scored.len();
-            for _ in 0..config.max_perturbations {
+            let (mut lifted, mut num_tries) = (Vec::new(), 0);
+            while num_tries < config.max_perturbations && lifted.len() < config.target_per_seed {
                 let (shift, turn) = (config.palm_shift, config.palm_turn);
-                let palm = candidates::perturb_palm(seed, shift, turn, &mut self.rng);
-                if let Some((grasp, _)) = self.close_at(palm, &config.candidate) {
-                    scored.extend(self.score_grasp(&grasp)?);
-                }
-                if scored.len() == before + config.target_per_seed {
-                    break;
+                let sample = |rng: &mut _| candidates::perturb_palm(seed, shift, turn, rng);
+                let closed = self.close_batch(sample);
+                num_tries += CLOSING_BATCH;
+                let grasps: Vec<Grasp> = closed.into_iter().map(|(grasp, _)| grasp).collect();
+                for batch in grasps.chunks(TRIAL_BATCH) {
+                    if lifted.len() < config.target_per_seed {
+                        lifted.extend(self.score_grasps(batch)?);
+                    }
                 }
             }
+            scored.extend(lifted);
         }
         Ok(scored)
     }
@@ -245,32 +248,79 @@ impl<'a> Search<'a> {
             .count()
     }
 
-    /// Closes the hand at a palm pose; `None` if the candidate is rejected.
-    pub(crate) fn close_at(
-        &mut self,
-        palm: Isometry,
-        config: &CandidateConfig,
-    ) -> Option<(Grasp, Squeeze)> {
-        let found = evaluate_candidate(self.robot, &self.target, config, palm, &mut self.rng).ok();
-        self.num_closed += usize::from(found.is_some());
-        found
+    /// Random generator of a candidate. Candidates are independent, so no result depends on the number of
+    /// threads.
+    pub(crate) fn candidate_rng(&self, index: usize) -> ChaCha8Rng {
+        let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
+        // Stream 0 has sampled the perturbations of the repeats.
+        rng.set_stream(1 + index as u64);
+        rng
     }
 
-    /// Tries a grasp at the object yaw that is easiest to reach, then in perturbed repeats and under shaking.
-    /// `None` if the first trial fails; the repeats stop when too many have failed.
-    pub(crate) fn score_grasp(&mut self, grasp: &Grasp) -> Result<Option<ScoredGrasp>, SceneError> {
-        let planned = PlannedGrasp::plan_at_easiest_yaw(&self.at_origin, grasp)?;
-        let Some(planned) = planned else { return Ok(None) };
-        self.num_tried += 1;
+    /// Closes the hand at the palm poses of the next candidates, which `sample_palm` samples. Returns the
+    /// candidates that are not rejected, in order.
+    fn close_batch(
+        &mut self,
+        sample_palm: impl Fn(&mut ChaCha8Rng) -> Isometry + Send + Sync,
+    ) -> Vec<(Grasp, Squeeze)> {
+        let indices: Vec<usize> = (self.num_candidates..).take(CLOSING_BATCH).collect();
+        let closed = parallel::map(&indices, |&index| {
+            let mut rng = self.candidate_rng(index);
+            let palm = sample_palm(&mut rng);
+            self.close_at(palm, &self.config.candidate, &mut rng)
+        });
+        let closed: Vec<_> = closed.into_iter().flatten().collect();
+        self.num_candidates += CLOSING_BATCH;
+        self.num_closed += closed.len();
+        closed
+    }
+
+    /// Closes the hand at a palm pose; `None` if the candidate is rejected.
+    pub(crate) fn close_at(
+        &self,
+        palm: Isometry,
+        config: &CandidateConfig,
+        rng: &mut ChaCha8Rng,
+    ) -> Option<(Grasp, Squeeze)> {
+        evaluate_candidate(self.robot, &self.target, config, palm, rng).ok()
+    }
+
+    /// Tries each grasp at the object yaw that is easiest to reach. Returns the scores of those that lift, in
+    /// order.
+    pub(crate) fn score_grasps(
+        &mut self,
+        grasps: &[Grasp],
+    ) -> Result<Vec<ScoredGrasp>, SceneError> {
+        let results = parallel::map(grasps, |grasp| {
+            let planned = PlannedGrasp::plan_at_easiest_yaw(&self.at_origin, grasp)?;
+            planned.map(|planned| self.score_grasp(grasp, &planned)).transpose()
+        });
+        let mut scored = Vec::new();
+        for result in results {
+            if let Some(tried) = result? {
+                self.num_tried += 1;
+                scored.extend(tried);
+            }
+        }
+        Ok(scored)
+    }
+
+    /// Tries a grasp, then in perturbed repeats and under shaking. `None` if the first trial fails; the repeats
+    /// stop when too many have failed.
+    fn score_grasp(
+        &self,
+        grasp: &Grasp,
+        planned: &PlannedGrasp,
+    ) -> Result<Option<ScoredGrasp>, SceneError> {
         let mut found = ScoredGrasp { grasp: grasp.clone(), repeat_successes: 0, shake_slip: None };
         let unperturbed = [0.0; 3];
-        if !self.lifts(&planned, unperturbed, TrialProtocol::SHORT)? {
+        if !self.lifts(planned, unperturbed, TrialProtocol::SHORT)? {
             return Ok(None);
         }
         let config = self.config;
         let mut num_failed = 0;
         for perturbation in &self.perturbations {
-            let lifts = self.lifts(&planned, *perturbation, TrialProtocol::SHORT)?;
+            let lifts = self.lifts(planned, *perturbation, TrialProtocol::SHORT)?;
             num_failed += usize::from(!lifts);
             if num_failed + config.min_repeat_successes > config.num_repeats {
                 return Ok(Some(found));
@@ -288,7 +338,7 @@ impl<'a> Search<'a> {
     fn clusters(&self, robust: &[ScoredGrasp]) -> Vec<Grasp> {
         let poses = coverage_poses(self.robot);
         let reach_of = |found: &ScoredGrasp| reachability(&self.at_origin, &poses, &found.grasp);
-        let reach: Vec<_> = robust.iter().map(reach_of).collect();
+        let reach = parallel::map(robust, reach_of);
         let (hand, count) = (&self.robot.tree.hand, self.config.num_clusters);
         clusters::cluster_grasps(hand, self.object, robust, &reach, count)
     }
@@ -306,6 +356,11 @@ impl<'a> Search<'a> {
 
 /// A short hold, then shaking.
 const SHAKE_TRIAL: TrialProtocol = TrialProtocol { is_shaken: true, ..TrialProtocol::SHORT };
+
+/// Number of candidates that are closed, and of grasps that are tried, before the search decides how to
+/// continue. A larger batch occupies more threads and wastes more work.
+const CLOSING_BATCH: usize = 16;
+const TRIAL_BATCH: usize = 4;
 
 /// Force margin above which stronger squeezes rank equal.
 const SUFFICIENT_FORCE_MARGIN: f64 = 2.0;

@@ -6,6 +6,7 @@ mod config;
 pub mod contact_forces;
 mod grasp_search;
 mod palm_transfer;
+mod parallel;
 pub mod robustness;
 pub mod transfer;
 pub mod trial;

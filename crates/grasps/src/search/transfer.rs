@@ -81,14 +81,17 @@ impl TransferSearch<'_> {
                 break;
             }
             let perturbation = (config.palm_shift, config.palm_turn);
-            let pose = perturbed_palm(palm, index, perturbation, &mut self.search.rng);
+            let mut rng = self.search.candidate_rng(self.search.num_candidates);
+            let pose = perturbed_palm(palm, index, perturbation, &mut rng);
             self.search.num_candidates += 1;
-            let Some((closed, _)) = self.search.close_at(pose, &proposal) else { continue };
-            let Some(scored) = self.search.score_grasp(&closed)? else { continue };
-            self.num_lifted += 1;
-            if scored.repeat_successes >= config.min_repeat_successes {
-                found.push(scored);
-            }
+            let Some((closed, _)) = self.search.close_at(pose, &proposal, &mut rng) else {
+                continue;
+            };
+            self.search.num_closed += 1;
+            let scored = self.search.score_grasps(&[closed])?;
+            self.num_lifted += scored.len();
+            let min = config.min_repeat_successes;
+            found.extend(scored.into_iter().filter(|found| found.repeat_successes >= min));
         }
         self.num_robust += found.len();
         let far =
