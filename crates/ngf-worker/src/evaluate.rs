@@ -2,6 +2,7 @@
 
 use crate::model_card;
 use crate::object_selection::{ObjectOptions, SelectedObject};
+use crate::planner_grasps;
 use crate::progress_bar::Bar;
 use crate::train::parse_positive;
 use anyhow::{Context, Result, bail};
@@ -28,10 +29,14 @@ pub(crate) struct Options {
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     #[arg(conflicts_with_all = ["object", "mesh", "friction"])]
     family: Vec<String>,
+    /// Grasps of the planner, as written by `ngf grasps`. Without a file: the grasps of the built-in object, or
+    /// of a search for a mesh
+    #[arg(long, value_name = "FILE", conflicts_with = "family")]
+    grasps: Option<PathBuf>,
     /// Attempts per object
     #[arg(long, default_value_t = 100, value_parser = parse_positive)]
     attempts: usize,
-    /// Seed of the first attempt
+    /// Seed of the first attempt, and of a grasp search
     #[arg(long, default_value_t = 0)]
     seed: u64,
     /// Fixed object pose for all attempts: x, y (m) and yaw (rad)
@@ -71,12 +76,24 @@ pub(crate) fn run(options: &Options) -> Result<()> {
     if model_hash.is_none() && options.card.is_some() {
         bail!("--card needs a model; the planner has no card");
     }
+    if model_hash.is_some() && options.grasps.is_some() {
+        bail!("--grasps needs `--model planner`; a policy uses no grasps");
+    }
     let objects = select_objects(options, &context)?;
     let pose = parse_pose(options)?;
     let seeds = seeds(options.seed, options.attempts)?;
     let mut reports = Vec::new();
-    for SelectedObject { name, object, orientation } in &objects {
-        for (label, controller, object) in controllers(options, object) {
+    for selected in &objects {
+        let SelectedObject { name, object, orientation } = selected;
+        let main = match options.model.as_str() {
+            "planner" => {
+                let file = options.grasps.as_deref();
+                planner_grasps::planner(&context.robot, selected, file, options.seed)?
+            }
+            _ if options.feedback == Feedback::Measured => Controller::PolicyMeasured,
+            _ => Controller::Policy,
+        };
+        for (label, controller, object) in controllers(options, main, object) {
             let (bar, done) = (Bar::new(&label, options.attempts), AtomicUsize::new(0));
             let advance = |_: &rollout::Attempt| {
                 bar.set(1 + done.fetch_add(1, Ordering::Relaxed));
@@ -125,14 +142,16 @@ fn select_objects(options: &Options, context: &RolloutContext) -> Result<Vec<Sel
     entries.map(|entry: &CatalogEntry| SelectedObject::built_in(entry.name)).collect()
 }
 
-/// Controllers to evaluate on an object: label, controller, and the object with its friction.
-fn controllers(options: &Options, object: &Object) -> Vec<(String, Controller, Object)> {
-    let (label, controller) = match options.model.as_str() {
-        "planner" => ("planner", Controller::Planner),
-        _ if options.feedback == Feedback::Measured => {
-            ("policy, measured", Controller::PolicyMeasured)
-        }
-        _ => ("policy", Controller::Policy),
+/// The controller and its controls on an object: label, controller, and the object with its friction.
+fn controllers(
+    options: &Options,
+    controller: Controller,
+    object: &Object,
+) -> Vec<(String, Controller, Object)> {
+    let label = match controller {
+        Controller::Planner | Controller::PlannedGrasps(_) => "planner",
+        Controller::PolicyMeasured => "policy, measured",
+        _ => "policy",
     };
     let mut all = vec![(label.to_owned(), controller.clone(), object.clone())];
     if options.controls {

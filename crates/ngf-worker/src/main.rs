@@ -14,6 +14,7 @@ mod model_card;
 mod object_selection;
 mod physics;
 mod physics_bench;
+mod planner_grasps;
 mod progress_bar;
 mod record;
 mod replay;

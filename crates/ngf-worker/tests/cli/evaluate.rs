@@ -1,4 +1,4 @@
-//! `ngf evaluate --family` as a process.
+//! `ngf evaluate` as a process.
 
 use std::path::Path;
 use std::process::{Command, Output};
@@ -61,4 +61,31 @@ fn unknown_family_error_lists_known_families() {
     let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
     assert!(!output.status.success(), "{stderr}");
     assert!(stderr.contains("teapots") && stderr.contains("jars, mugs"), "{stderr}");
+}
+
+#[test]
+fn planner_lifts_a_mesh_with_the_grasps_of_a_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let (mesh, grasps) = (path("box.obj"), path("grasps.json"));
+    let object = objects::object::Object::from_catalog("sugar_box").unwrap();
+    let vertices = object.mesh.vertices.iter().map(|p| format!("v {} {} {}\n", p.x, p.y, p.z));
+    let triangles = object.mesh.triangles.iter().map(|t| t.map(|i| i + 1));
+    let faces = triangles.map(|[a, b, c]| format!("f {a} {b} {c}\n"));
+    std::fs::write(&mesh, vertices.chain(faces).collect::<String>()).unwrap();
+    let of_mesh = ["--mesh", &mesh, "--mass", "0.5", "--attempts", "4"];
+
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    let mut search = Command::new(env!("CARGO_BIN_EXE_ngf-worker"));
+    search.args(["grasps", "--effort", "quick", "--out", &grasps]).args(&of_mesh[..4]);
+    assert!(search.current_dir(root).status().unwrap().success());
+    let output = evaluate(&[&of_mesh[..], &["--grasps", &grasps]].concat());
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let [lifted, attempts] = counts(&String::from_utf8(output.stdout).unwrap(), "box");
+    assert!(lifted >= 3 && attempts == 4, "{lifted} of {attempts}");
+
+    std::fs::write(&grasps, "{}").unwrap();
+    let output = evaluate(&[&of_mesh[..], &["--grasps", &grasps]].concat());
+    let message = String::from_utf8(output.stderr).unwrap();
+    assert!(message.contains("grasps.json contains no grasps"), "{message}");
 }
