@@ -55,6 +55,8 @@ test("training is monitored, tried in the demo while running, paused, resumed, c
   const { page, errors } = await jobs.visit(`#jobs/${id}`);
   await untilStatus(page, "running");
   await page.waitForSelector(".chart canvas");
+  // The first checkpoint adds charts above the table, which move it. The second does not.
+  await page.waitForFunction(() => document.querySelectorAll("[data-step]").length >= 2);
   // New rows wait while the pointer is over the table, so that links stay under it.
   await page.hover("a:has-text('Try in demo')");
   const numRows = await page.locator("[data-step]").count();

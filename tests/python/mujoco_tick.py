@@ -1,7 +1,8 @@
 """Time (ms) that MuJoCo needs for a control period of 1/30 s: arm, hand, table and sugar box.
 
 Run as `python mujoco_tick.py URDF STATE`. STATE is the JSON file of `ngf bench --physics --state`: the robot holds
-the box. Prints `row NAME VALUE ms` for the robot at home, with the box on the table, and for that state. Motors and
+the box. Prints `row NAME VALUE ms` for the robot at home, with the box on the table, and for that state. Each control
+period starts in the same state: our box is rounded, so with MuJoCo's the grasp does not hold for seconds. Motors and
 armatures match assets/scene/scene.toml. Contacts between adjacent links are disabled, as in our scene. The time step
 is 1/240 s; MuJoCo's default is 1/500 s.
 """
@@ -17,7 +18,7 @@ import numpy as np
 ARM, HAND = 7, 16
 HOME = [0.0, 0.5, 0.0, -2.0, 0.0, -1.4, 2.3]
 OPEN = [0.0, 0.3, 0.3, 0.3] * 3 + [1.2, 0.35, 0.15, 0.3]
-STEPS_PER_TICK, TICKS, REPEATS = 8, 60, 15
+STEPS_PER_TICK, TICKS = 8, 600
 TABLE_TOP = -0.25
 
 
@@ -45,41 +46,45 @@ def model(urdf: Path, half_extents: list[float], mass: float) -> mujoco.MjModel:
     return spec.compile()
 
 
+def set_state(
+    compiled: mujoco.MjModel, data: mujoco.MjData, q: list[float], target: list[float], box: list[float] | None
+) -> None:
+    mujoco.mj_resetData(compiled, data)
+    data.ctrl[:] = target
+    for i in range(compiled.nu):
+        data.qpos[compiled.jnt_qposadr[compiled.actuator_trnid[i, 0]]] = q[i]
+    if box is not None:
+        free = next(j for j in range(compiled.njnt) if compiled.jnt_type[j] == mujoco.mjtJoint.mjJNT_FREE)
+        address = compiled.jnt_qposadr[free]
+        data.qpos[address : address + 7] = box
+    mujoco.mj_forward(compiled, data)
+
+
 def tick_ms(
     compiled: mujoco.MjModel, q: list[float], target: list[float], box: list[float] | None
 ) -> tuple[float, mujoco.MjData]:
-    """Median time (ms) of a control period over `REPEATS` runs of 2 s, each from the same state."""
+    """Median time (ms) of a control period that starts in the given state."""
     assert compiled.nu == ARM + HAND, f"{compiled.nu} motors"
     data = mujoco.MjData(compiled)
     seconds = []
-    for _ in range(REPEATS):
-        mujoco.mj_resetData(compiled, data)
-        data.ctrl[:] = target
-        for i in range(compiled.nu):
-            data.qpos[compiled.jnt_qposadr[compiled.actuator_trnid[i, 0]]] = q[i]
-        if box is not None:
-            free = next(j for j in range(compiled.njnt) if compiled.jnt_type[j] == mujoco.mjtJoint.mjJNT_FREE)
-            address = compiled.jnt_qposadr[free]
-            data.qpos[address : address + 7] = box
-        mujoco.mj_forward(compiled, data)
+    for _ in range(TICKS):
+        set_state(compiled, data, q, target, box)
         start = time.perf_counter()
-        for _ in range(STEPS_PER_TICK * TICKS):
+        for _ in range(STEPS_PER_TICK):
             mujoco.mj_step(compiled, data)
-        seconds.append((time.perf_counter() - start) / TICKS)
+        seconds.append(time.perf_counter() - start)
     assert np.isfinite(data.qpos).all()
-    return 1000 * sorted(seconds)[REPEATS // 2], data
+    return 1000 * sorted(seconds)[TICKS // 2], data
 
 
 def main() -> None:
     state = json.loads(Path(sys.argv[2]).read_text())
-    half_extents = state["half_extents"]
-    compiled = model(Path(sys.argv[1]), half_extents, state["mass"])
+    compiled = model(Path(sys.argv[1]), state["half_extents"], state["mass"])
     home, _ = tick_ms(compiled, HOME + OPEN, HOME + OPEN, None)
     pose = state["world_from_center"]
     holding, data = tick_ms(compiled, state["q"], state["target"], pose["translation"] + pose["rotation_wxyz"])
-    height = data.body("box").xpos[2] - TABLE_TOP - half_extents[2]
-    print(f"holding: {data.ncon} contacts, box {height:.3f} m above its place on the table", file=sys.stderr)
-    assert height > 0.05, f"MuJoCo dropped the box: {height} m"
+    print(f"holding: {data.ncon} contacts at the end of the period", file=sys.stderr)
+    assert data.ncon >= 4, f"{data.ncon} contacts: the hand does not touch the box"
     print(f"row mujoco_physics_tick_home {home:.4f} ms")
     print(f"row mujoco_physics_tick_holding {holding:.4f} ms")
 

@@ -22,7 +22,7 @@ fn attempt_from_seed_and_replay_have_the_same_final_state() {
     let mut attempt =
         Attempt::new(&context, &object, name, None, seed, Controller::Planner).unwrap();
     let outcome = attempt.run(&context);
-    assert!(attempt.scene().steps() >= 1500, "{} physics steps", attempt.scene().steps());
+    assert!(attempt.scene().steps() >= 1000, "{} physics steps", attempt.scene().steps());
     assert_eq!(
         (Some(outcome), attempt.state_hash()),
         (recording.outcome, recording.final_state_hash)

@@ -28,7 +28,9 @@ pub(crate) fn planner(
             let (set, _) = search(robot, object, &SearchConfig::paper(robot), seed, &progress)?;
             bar.clear();
             let (tried, robust) = (set.num_tried, set.num_robust);
-            println!("{name}: {tried} grasps tried, {robust} robust; --grasps FILE would use others");
+            println!(
+                "{name}: {tried} grasps tried, {robust} robust; --grasps FILE would use others"
+            );
             set
         }
     };

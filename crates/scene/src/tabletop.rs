@@ -281,7 +281,7 @@ mod tests {
         }
     }
 
-    /// What happened to an object in 10 s of simulation.
+    /// Penetration and energy of an object over 10 s of simulation.
     struct Course {
         /// Max. penetration (m) in the whole time, and at its end.
         max_depth: f32,

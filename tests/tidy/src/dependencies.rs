@@ -102,13 +102,13 @@ pub(crate) const ALLOWED_DEPENDENCIES: [(&str, &[&str]); 27] = [
 ];
 
 /// Libraries that only the listed crates may use. `ngf` limits the number of threads with rayon; crates
-/// below `datagen` run on the calling thread.
+/// below `datagen` run on the calling thread, except for the grasp search.
 const CONFINED_LIBRARIES: [(&str, &[&str]); 11] = [
     ("rapier3d", &["scene"]),
     ("parry3d", &["geometry"]),
     ("candle-core", &["imitation"]),
     ("gemm", &["imitation"]),
-    ("rayon", &["datagen", "evaluation", "imitation", "ngf-worker"]),
+    ("rayon", &["grasps", "datagen", "evaluation", "imitation", "ngf-worker"]),
     ("parquet", &["dataset"]),
     ("arrow-array", &["dataset"]),
     ("sqlx", &["server"]),

@@ -8,7 +8,8 @@ fn error_message(folder: &Path, name: &str, bytes: &[u8]) -> String {
     let file = folder.join(name);
     std::fs::write(&file, bytes).unwrap();
     let output = Command::new(env!("CARGO_BIN_EXE_ngf-worker"))
-        .args(["evaluate", "--model", "planner", "--attempts", "1", "--mass", "0.3", "--mesh"])
+        .args(["evaluate", "--model", "planner", "--attempts", "1", "--mass", "0.3"])
+        .args(["--grasps", "none.json", "--mesh"])
         .arg(&file)
         .output()
         .unwrap();
@@ -75,10 +76,9 @@ fn file_format_is_detected_independent_of_extension() {
     let folder = tempfile::tempdir().unwrap();
     let cube = "v 0 0 0\nv 40 0 0\nv 40 60 0\nv 0 60 0\nv 0 0 120\nv 40 0 120\nv 40 60 120\n\
         v 0 60 120\nf 1 4 3 2\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n";
-    // The file is parsed by its content. The later planner error is expected, because it has no grasps for
-    // this object.
+    // The file is parsed by its content. The later error about the grasp file is expected.
     let stderr = error_message(folder.path(), "box.stl", cube.as_bytes());
-    assert!(stderr.contains("the planner has no grasps for box"), "{stderr}");
+    assert!(stderr.contains("cannot read none.json"), "{stderr}");
 }
 
 #[test]
@@ -89,21 +89,21 @@ fn unstable_mesh_is_reoriented_with_note() {
         v 0 60 120\nf 1 4 3 2\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n";
     let file = folder.path().join("tilted.obj");
     std::fs::write(&file, tilted).unwrap();
-    let notes = |model: &str| {
+    let notes = |model: &[&str]| {
         let mut ngf = Command::new(env!("CARGO_BIN_EXE_ngf-worker"));
-        ngf.args(["evaluate", "--model", model, "--attempts", "1", "--mass", "0.3", "--mesh"]);
-        String::from_utf8_lossy(&ngf.arg(&file).output().unwrap().stderr).into_owned()
+        ngf.args(["evaluate", "--attempts", "1", "--mass", "0.3", "--model"]).args(model);
+        String::from_utf8_lossy(&ngf.arg("--mesh").arg(&file).output().unwrap().stderr).into_owned()
     };
     let (most_stable, most_similar) =
         ("the most stable pose is used", "most similar to the training data");
-    let stderr = notes("planner");
+    let stderr = notes(&["planner", "--grasps", "none.json"]);
     assert!(
         stderr.contains("tilted: The orientation in the file is unstable")
             && stderr.contains(most_stable),
         "{stderr}"
     );
     // With a model, the stable pose is the same as on the page.
-    let stderr = notes(concat!(env!("CARGO_MANIFEST_DIR"), "/../../models/default"));
+    let stderr = notes(&[concat!(env!("CARGO_MANIFEST_DIR"), "/../../models/default")]);
     assert!(
         stderr.contains("tilted: The orientation in the file is unstable")
             && stderr.contains(most_similar),
@@ -122,12 +122,12 @@ fn mesh_needs_mass_or_density() {
     .unwrap();
     let error = |more: &[&str]| {
         let mut ngf = Command::new(env!("CARGO_BIN_EXE_ngf-worker"));
-        ngf.args(["evaluate", "--model", "planner", "--attempts", "1", "--mesh"]).arg(&file);
+        ngf.args(["evaluate", "--model", "planner", "--grasps", "none.json", "--mesh"]).arg(&file);
         String::from_utf8_lossy(&ngf.args(more).output().unwrap().stderr).into_owned()
     };
     assert!(error(&[]).contains("needs --mass KG or --density"));
     assert!(error(&["--mass", "0"]).contains("--mass must be a positive number"));
     assert!(error(&["--density", "nan"]).contains("--density must be a positive number"));
-    // A mesh with a density is accepted. The later planner error is expected.
-    assert!(error(&["--density", "500"]).contains("the planner has no grasps for box"));
+    // A mesh with a density is accepted. The later error about the grasp file is expected.
+    assert!(error(&["--density", "500"]).contains("cannot read none.json"));
 }
