@@ -20,10 +20,10 @@ const POSES_PER_OBJECT: usize = 12;
 const DEMOS_PER_POSE: usize = 4;
 
 /// A reachable grasp of a placed object, with its lift.
-struct Case<'a> {
-    placed: PlacedObject<'a>,
-    posture: Posture,
-    lift: Vec<JointState>,
+pub(crate) struct Case<'a> {
+    pub(crate) placed: PlacedObject<'a>,
+    pub(crate) posture: Posture,
+    pub(crate) lift: Vec<JointState>,
 }
 
 /// Benchmark rows in items per second, for the sugar box and the bleach bottle.
@@ -32,7 +32,7 @@ pub(crate) fn rows(robot: &RobotContext) -> Result<Vec<Row>> {
     let mut cases = Vec::new();
     for (name, object) in &objects {
         let object = object.as_ref().context("built-in object is missing")?;
-        cases.extend(cases_of(robot, name, object)?);
+        cases.extend(cases_of(robot, name, object, POSES_PER_OBJECT)?);
     }
     let trials = per_second(&cases, |case| {
         let Case { placed: setting, posture, lift } = case;
@@ -80,16 +80,23 @@ pub(crate) fn rows(robot: &RobotContext) -> Result<Vec<Row>> {
     ])
 }
 
-fn cases_of<'a>(robot: &'a RobotContext, name: &str, object: &'a Object) -> Result<Vec<Case<'a>>> {
-    let set = catalog_grasps(name).context("no bundled grasps")?;
+/// The first `count` reachable grasps of a built-in object, each at a random pose (seed 0).
+pub(crate) fn cases_of<'a>(
+    robot: &'a RobotContext,
+    name: &str,
+    object: &'a Object,
+    count: usize,
+) -> Result<Vec<Case<'a>>> {
+    let set = catalog_grasps(name).filter(|set| !set.grasps.is_empty());
+    let set = set.with_context(|| format!("{name} has no grasps; name another object"))?;
     let mut rng = ChaCha8Rng::seed_from_u64(0);
     let mut cases = Vec::new();
-    while cases.len() < POSES_PER_OBJECT {
+    while cases.len() < count {
         let [x, y, yaw] = object_poses::sample_planar_pose(robot, &mut rng);
-        let setting = PlacedObject::new(robot, object, &robot.config.object_pose(x, y, yaw));
-        let Some((_, posture)) = setting.reachable(&set.grasps).next() else { continue };
-        let lift = lift::plan_from_grasp(&setting, &posture)?.context("no lift")?;
-        cases.push(Case { placed: setting, posture, lift });
+        let placed = PlacedObject::new(robot, object, &robot.config.object_pose(x, y, yaw));
+        let Some((_, posture)) = placed.reachable(&set.grasps).next() else { continue };
+        let Some(lift) = lift::plan_from_grasp(&placed, &posture)? else { continue };
+        cases.push(Case { placed, posture, lift });
     }
     Ok(cases)
 }

@@ -1,17 +1,14 @@
 //! `ngf physics`: compares physics settings with a fine reference on the same attempts and trials.
 
+use crate::datagen_bench::{Case, cases_of};
 use crate::evaluate::{load_model, seeds};
 use crate::train::parse_positive;
 use anyhow::{Context, Result, bail};
 use evaluation::percentiles::MedianP90;
 use files::atomic_file;
-use grasps::plan::{lift, object_poses};
+use grasps::RobotContext;
 use grasps::search::trial::{TrialOutcome, TrialProtocol, try_grasp};
-use grasps::set::catalog::catalog_grasps;
-use grasps::{PlacedObject, RobotContext};
 use objects::object::Object;
-use rand::SeedableRng;
-use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use rollout::{Attempt, Controller, Outcome, RolloutContext};
 use scene::SceneConfig;
@@ -101,7 +98,10 @@ pub(crate) fn run(options: &Options) -> Result<()> {
             if reference.is_empty() {
                 reference.clone_from(&run.lifted);
             }
-            let slips = shake(&context.robot, name, object, options.shaken)?;
+            let slips = match options.shaken {
+                0 => Vec::new(),
+                trials => shake(&context.robot, name, object, trials)?,
+            };
             let row = Row {
                 setting: label.clone(),
                 object: (*name).to_owned(),
@@ -175,19 +175,10 @@ fn run_attempts(
 
 /// Slips (m) of the trials in which a shaken object is held: grasps of the catalogue at random poses.
 fn shake(robot: &RobotContext, name: &str, object: &Object, trials: usize) -> Result<Vec<f64>> {
-    let set = catalog_grasps(name).with_context(|| format!("{name} has no grasps"))?;
-    let mut rng = ChaCha8Rng::seed_from_u64(0);
-    let mut cases = Vec::new();
-    while cases.len() < trials {
-        let [x, y, yaw] = object_poses::sample_planar_pose(robot, &mut rng);
-        let placed = PlacedObject::new(robot, object, &robot.config.object_pose(x, y, yaw));
-        let Some((_, posture)) = placed.reachable(&set.grasps).next() else { continue };
-        let Some(lift) = lift::plan_from_grasp(&placed, &posture)? else { continue };
-        cases.push((placed, posture, lift));
-    }
-    let outcomes = cases
-        .par_iter()
-        .map(|(placed, posture, lift)| try_grasp(placed, posture, lift, TrialProtocol::FULL));
+    let cases = cases_of(robot, name, object, trials)?;
+    let outcomes = cases.par_iter().map(|Case { placed, posture, lift }| {
+        try_grasp(placed, posture, lift, TrialProtocol::FULL)
+    });
     let outcomes: Vec<TrialOutcome> = outcomes.collect::<Result<_, _>>()?;
     let slips = outcomes.into_iter().filter_map(|outcome| match outcome {
         TrialOutcome::Lifted { slip } => Some(f64::from(slip)),

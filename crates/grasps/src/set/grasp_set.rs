@@ -7,7 +7,8 @@ use crate::Grasp;
 pub struct GraspSet {
     /// Robust grasps, in order of their cluster.
     pub grasps: Vec<Grasp>,
-    /// Candidate palm poses, perturbed ones included. This and the next count are 0 if the grasps were selected from earlier searches.
+    /// Candidate palm poses, perturbed ones included. This and the next count are 0 if the grasps were selected
+    /// from earlier searches.
     pub num_candidates: usize,
     /// Candidates whose closed hand has balanced contact forces.
     pub num_closed: usize,
