@@ -165,6 +165,9 @@ fn graspability_text(mesh: &Mesh) -> String {
     text
 }
 
+/// Fraction of the empty space in the hull of the mesh that the convex parts may fill without a note.
+const MAX_FILLED_FRACTION: f64 = 0.05;
+
 /// Notes on repairs and assumptions that affect appearance or grasping.
 fn import_notes(imported: &ImportedObject) -> Vec<String> {
     let mut notes = Vec::new();
@@ -199,6 +202,12 @@ fn import_notes(imported: &ImportedObject) -> Vec<String> {
             Some(format!("Mass clamped to the maximum of {kg} kg, the payload of the hand."))
         }
     });
+    if imported.filled_fraction > MAX_FILLED_FRACTION {
+        notes.push(format!(
+            "The convex parts fill {:.0} % of the hollows, where the fingers cannot enter.",
+            100.0 * imported.filled_fraction
+        ));
+    }
     notes.extend(imported.orientation.1.message().map(str::to_owned));
     notes
 }

@@ -34,34 +34,18 @@ pub(super) fn convex_hull_within(
     max_points: usize,
     tolerance: f64,
 ) -> Option<Mesh> {
-    let [low, high] = bounds(points);
-    let size = f64::from((high - low).max_element());
-    if !(size > 0.0 && size.is_finite()) {
-        return None;
-    }
-    let center = (low.as_dvec3() + high.as_dvec3()) / 2.0;
-    let scaled = points.iter().map(|p| (p.as_dvec3() - center) / size);
-    let mut hull = Hull { points: scaled.collect(), faces: Vec::new(), queue: BinaryHeap::new() };
-    hull.build_tetrahedron()?;
-    let mut num_points = 4;
-    while num_points < max_points
-        && let Some((distance, face)) = hull.queue.pop()
-    {
-        if !hull.faces[face].is_alive {
-            continue;
-        }
-        if f64::from_bits(distance) < tolerance {
-            break;
-        }
-        if hull.add_farthest(face).is_some() {
-            num_points += 1;
-        } else if f64::from_bits(distance) > MAX_MISSED_DISTANCE {
-            return None;
-        } else {
-            hull.discard_farthest(face);
-        }
-    }
-    Some(hull.mesh(points))
+    Some(Hull::new(points, max_points, tolerance)?.mesh(points))
+}
+
+/// Outward unit normals and offsets of the faces: `normal.dot(p) <= offset` inside. `None` if the points are
+/// coplanar.
+pub(super) fn hull_planes(points: &[Vec3]) -> Option<Vec<(Vec3, f32)>> {
+    let hull = Hull::new(points, usize::MAX, 0.0)?;
+    let plane = |face: &Face| {
+        let normal = face.normal.as_vec3();
+        (normal, normal.dot(points[face.corners[0]]))
+    };
+    Some(hull.faces.iter().filter(|face| face.is_alive).map(plane).collect())
 }
 
 /// Triangle of the hull under construction.
@@ -87,6 +71,19 @@ struct Hull {
     faces: Vec<Face>,
     /// Faces with outside points, by the bits of the max distance (ordered like the positive values).
     queue: BinaryHeap<(u64, usize)>,
+    /// For each face, the last apex for which its visibility was determined, and the result.
+    visibility: Vec<(usize, bool)>,
+}
+
+/// Edge between a visible face and one that is not.
+struct HorizonEdge {
+    /// Point indices, in the direction of the visible face.
+    from: usize,
+    to: usize,
+    /// Index of the visible face.
+    inner: usize,
+    /// Index of the other face.
+    outer: usize,
 }
 
 impl Face {
@@ -96,6 +93,42 @@ impl Face {
 }
 
 impl Hull {
+    fn new(points: &[Vec3], max_points: usize, tolerance: f64) -> Option<Self> {
+        let [low, high] = bounds(points);
+        let size = f64::from((high - low).max_element());
+        if !(size > 0.0 && size.is_finite()) {
+            return None;
+        }
+        let center = (low.as_dvec3() + high.as_dvec3()) / 2.0;
+        let scaled = points.iter().map(|p| (p.as_dvec3() - center) / size);
+        let mut hull = Self {
+            points: scaled.collect(),
+            faces: Vec::new(),
+            queue: BinaryHeap::new(),
+            visibility: Vec::new(),
+        };
+        hull.build_tetrahedron()?;
+        let mut num_points = 4;
+        while num_points < max_points
+            && let Some((distance, face)) = hull.queue.pop()
+        {
+            if !hull.faces[face].is_alive {
+                continue;
+            }
+            if f64::from_bits(distance) < tolerance {
+                break;
+            }
+            if hull.add_farthest(face).is_some() {
+                num_points += 1;
+            } else if f64::from_bits(distance) > MAX_MISSED_DISTANCE {
+                return None;
+            } else {
+                hull.discard_farthest(face);
+            }
+        }
+        Some(hull)
+    }
+
     /// Builds the initial tetrahedron from the most distant points; `None` if all points are coplanar.
     fn build_tetrahedron(&mut self) -> Option<()> {
         let farthest = |measure: &dyn Fn(DVec3) -> f64| {
@@ -180,34 +213,35 @@ impl Hull {
     /// Returns `None`, without changes, if rounding has broken the horizon.
     fn add_farthest(&mut self, face: usize) -> Option<()> {
         let &(_, apex) = self.faces[face].outside.last()?;
+        self.visibility.resize(self.faces.len(), (usize::MAX, false));
+        self.visibility[face] = (apex, true);
         let mut visible = vec![face];
-        let mut is_visible = BTreeMap::from([(face, true)]);
-        let mut horizon = BTreeMap::new();
-        let mut num_edges = 0;
+        let mut horizon = Vec::new();
         let mut next = 0;
-        while let Some(&current) = visible.get(next) {
+        while let Some(&inner) = visible.get(next) {
             next += 1;
             for edge in 0..3 {
-                let neighbor = self.faces[current].neighbors[edge];
-                let sees_apex = *is_visible.entry(neighbor).or_insert_with(|| {
-                    let sees_apex =
-                        self.faces[neighbor].distance(self.points[apex]) > VISIBILITY_TOLERANCE;
+                let outer = self.faces[inner].neighbors[edge];
+                if self.visibility[outer].0 != apex {
+                    let distance = self.faces[outer].distance(self.points[apex]);
+                    let sees_apex = distance > VISIBILITY_TOLERANCE;
+                    self.visibility[outer] = (apex, sees_apex);
                     if sees_apex {
-                        visible.push(neighbor);
+                        visible.push(outer);
                     }
-                    sees_apex
-                });
-                if !sees_apex {
-                    let corners = self.faces[current].corners;
-                    horizon.insert(corners[edge], (corners[(edge + 1) % 3], current, neighbor));
-                    num_edges += 1;
+                }
+                if !self.visibility[outer].1 {
+                    let corners = self.faces[inner].corners;
+                    let (from, to) = (corners[edge], corners[(edge + 1) % 3]);
+                    horizon.push(HorizonEdge { from, to, inner, outer });
                 }
             }
         }
-        let cone = self.cone_to_horizon(apex, &horizon, num_edges)?;
+        horizon.sort_unstable_by_key(|edge| edge.from);
+        let cone = self.cone_to_horizon(apex, &horizon)?;
         let first = self.faces.len();
         for (i, face) in cone.iter().enumerate() {
-            let (_, inner, outer) = horizon[&face.corners[0]];
+            let HorizonEdge { inner, outer, .. } = horizon[edge_from(&horizon, face.corners[0])?];
             // Two faces may share two edges: compare the corner as well.
             let corners = self.faces[outer].corners;
             let edge = (0..3).find(|&k| {
@@ -227,27 +261,22 @@ impl Hull {
         Some(())
     }
 
-    /// New faces in order around the horizon; `None` unless the horizon is a single closed loop.
-    fn cone_to_horizon(
-        &self,
-        apex: usize,
-        horizon: &BTreeMap<usize, (usize, usize, usize)>,
-        num_edges: usize,
-    ) -> Option<Vec<Face>> {
+    /// New faces in order around the horizon, sorted by `from`; `None` unless it is a single closed loop.
+    fn cone_to_horizon(&self, apex: usize, horizon: &[HorizonEdge]) -> Option<Vec<Face>> {
         let (first, count) = (self.faces.len(), horizon.len());
         let mut faces = Vec::with_capacity(count);
-        let (&start, _) = horizon.first_key_value()?;
+        let start = horizon.first()?.from;
         let mut corner = start;
         for i in 0..count {
-            let &(next, _, outer) = horizon.get(&corner)?;
+            let &HorizonEdge { to, outer, .. } = &horizon[edge_from(horizon, corner)?];
             let neighbors = [outer, first + (i + 1) % count, first + (i + count - 1) % count];
-            faces.push(self.make_face([corner, next, apex], neighbors)?);
-            corner = next;
+            faces.push(self.make_face([corner, to, apex], neighbors)?);
+            corner = to;
             if corner == start && i + 1 < count {
                 return None;
             }
         }
-        (corner == start && num_edges == count).then_some(faces)
+        (corner == start).then_some(faces)
     }
 
     /// Mesh of the remaining faces and the points they use.
@@ -264,6 +293,11 @@ impl Hull {
         }
         mesh
     }
+}
+
+/// Index of the horizon's edge that starts at a point.
+fn edge_from(horizon: &[HorizonEdge], point: usize) -> Option<usize> {
+    horizon.binary_search_by_key(&point, |edge| edge.from).ok()
 }
 
 #[cfg(test)]

@@ -29,7 +29,7 @@ mod test_meshes;
 mod unit;
 mod up_axis;
 
-pub use convex_decomposition::{ConvexDecomposition, Method, decompose, decompose_at_resolution};
+pub use convex_decomposition::{ConvexDecomposition, Method, decompose};
 pub use convex_hull::convex_hull;
 pub use error::{Location, MeshError};
 pub use io::{
@@ -229,7 +229,7 @@ mod tests {
             assert_eq!(source, VolumeSource::Surface, "{path:?}");
             let parts = decompose(&import.mesh);
             println!("{path:?}: {:?}, {} parts", parts.method, parts.hulls.len());
-            assert!(parts.hulls.len() <= convex_decomposition::MAX_PARTS as usize, "{path:?}");
+            assert!(parts.hulls.len() <= convex_decomposition::MAX_PARTS, "{path:?}");
             if path.ends_with("004_sugar_box.obj") {
                 let mut sides = import.mesh.extent().to_array().map(|x| x * 1000.0);
                 sides.sort_by(f32::total_cmp);

@@ -51,11 +51,12 @@ fn inspect(options: &InspectArgs) -> Result<()> {
         println!("simplified from {from} triangles");
     }
     println!(
-        "{} triangles, {closed}; {:.0} cm³{}; {} convex parts",
+        "{} triangles, {closed}; {:.0} cm³{}; {} convex parts, which fill {:.1} % of the hollows",
         summary.triangles,
         1e6 * summary.volume_m3,
         volume_note(summary.volume_source),
-        parts.hulls.len()
+        parts.hulls.len(),
+        100.0 * parts.filled_fraction
     );
     if summary.removed_debris > 0 {
         println!("pieces of debris removed: {}", summary.removed_debris);
@@ -65,11 +66,15 @@ fn inspect(options: &InspectArgs) -> Result<()> {
     }
     let Some(out) = &options.out else { return Ok(()) };
     let method = match parts.method {
-        Method::Grid { resolution } => json!({ "name": "grid", "resolution": resolution }),
-        Method::Hull => json!({ "name": "hull" }),
+        Method::Planes => "planes",
+        Method::Hull => "hull",
     };
     let mut summary = serde_json::to_value(&summary)?;
-    summary["convex_parts"] = json!({ "count": parts.hulls.len(), "method": method });
+    summary["convex_parts"] = json!({
+        "count": parts.hulls.len(),
+        "method": method,
+        "filled_fraction": parts.filled_fraction,
+    });
     atomic_file::write(&out.join("mesh_summary.json"), &serde_json::to_vec_pretty(&summary)?)?;
     let mut text = String::new();
     let mut first = 1;

@@ -10,8 +10,8 @@ pub use crate::orientation::{Orientation, OrientationReason};
 pub use crate::resting_pose::MAX_STABLE_POSES;
 use crate::resting_pose::{Candidates, object_on_hull};
 use mesh::{
-    self, ExternalFiles, ImportedMesh, Mesh, MeshError, MeshOptions, NO_EXTERNAL_FILES,
-    RepairReport, ResolvedUnit, SimplifyReport, Unit, UpAxis, VolumeSource,
+    self, ConvexDecomposition, ExternalFiles, ImportedMesh, Mesh, MeshError, MeshOptions,
+    NO_EXTERNAL_FILES, RepairReport, ResolvedUnit, SimplifyReport, Unit, UpAxis, VolumeSource,
 };
 use progress::{NoProgress, Progress};
 
@@ -75,6 +75,8 @@ pub struct ImportedObject {
     pub mass_source: MassSource,
     /// Number of stable poses offered; valid indices of [`Orientation::StablePose`] are below it.
     pub num_stable_poses: usize,
+    /// Fraction of the empty space in the hull of the mesh that the convex parts fill.
+    pub filled_fraction: f64,
     /// Orientation on the table, with the reason.
     pub orientation: (Orientation, OrientationReason),
 }
@@ -162,7 +164,7 @@ pub fn import_object(
         _ => (mesh, properties, Orientation::AsInFile),
     };
     report(stage::DECOMPOSE, 2);
-    let parts = mesh::decompose(&mesh).hulls;
+    let ConvexDecomposition { hulls: parts, filled_fraction, .. } = mesh::decompose(&mesh);
     let (volume, volume_source) = (properties.volume, properties.source);
     let object = match volume_source {
         VolumeSource::Surface => Object::new(file_name, mesh, true, parts, kg, DEFAULT_FRICTION)?,
@@ -177,6 +179,7 @@ pub fn import_object(
         volume_source,
         mass_source,
         num_stable_poses: poses.len(),
+        filled_fraction,
         orientation: (orientation, reason),
     })
 }
