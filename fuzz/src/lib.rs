@@ -76,6 +76,7 @@ fn serve() -> std::io::Result<(Runtime, Router, TempDir)> {
         data_dir: folder.path().join("data"),
         models_dir: folder.path().join("models"),
         program: "ngf".into(),
+        waits_for_program: false,
         max_concurrent: 0,
         min_free_bytes: 0,
     };

@@ -1,4 +1,4 @@
-//! `demo`: build, then execute `ngf serve`.
+//! `demo`: builds page and server, executes `ngf serve`, and builds the worker executable meanwhile.
 
 use crate::build_cache::timed;
 use crate::tools;
@@ -18,26 +18,36 @@ pub(crate) struct Options {
     no_open: bool,
 }
 
-/// Builds page and server, then serves until the process is stopped.
+/// Builds page and server, then serves until the process is stopped. Jobs wait until their executable is built: it
+/// takes longer than all else together.
 pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<()> {
-    build(workspace)?;
+    build_binaries(workspace, &["ngf"])?;
+    // The executable of an earlier build may not fit this server.
+    std::fs::remove_file(workspace.program("ngf-worker")).ok();
+    let mut worker = workspace.cargo(&["build", "--workspace", "--bin", "ngf-worker"]);
+    worker.spawn().context("cannot run cargo")?;
     let port = options.port.to_string();
     let data = workspace.target.join("demo");
     let mut serve = workspace.command(workspace.program("ngf"), &["serve", "--port", &port]);
-    serve.arg("--data-dir").arg(data);
+    serve.arg("--wait-for-worker").arg("--data-dir").arg(data);
     if !options.no_open {
         serve.arg("--open");
     }
     become_program(&mut serve)
 }
 
-/// Builds page and server in parallel: the longest step of the page is the single-threaded linker.
+/// Builds the page and all executables.
 pub(crate) fn build(workspace: &Workspace) -> Result<()> {
+    build_binaries(workspace, &["ngf", "ngf-worker"])
+}
+
+/// Builds the page and executables in parallel: the longest step of the page is the single-threaded linker.
+fn build_binaries(workspace: &Workspace, names: &[&str]) -> Result<()> {
     // Missing tools are reported before builds that take minutes.
     tools::node(workspace)?;
     tools::wasm_target(workspace)?;
-    let mut cargo =
-        workspace.cargo(&["build", "--workspace", "--bin", "ngf", "--bin", "ngf-worker"]);
+    let mut cargo = workspace.cargo(&["build", "--workspace"]);
+    cargo.args(names.iter().flat_map(|name| ["--bin", name]));
     let mut server = cargo.spawn().context("cannot run cargo")?;
     let page = web_build::build(workspace);
     let status = timed("server", || Ok(server.wait()?))?;

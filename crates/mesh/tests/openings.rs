@@ -169,10 +169,13 @@ fn filled(shape: &Shape, rotation: DQuat, is_open: bool) -> (f64, usize) {
         triangles.remove(30);
     }
     let options = MeshOptions { unit: Some(Unit::Millimetre), ..MeshOptions::default() };
-    let mesh = mesh::import(&stl(&triangles), &options).unwrap().mesh;
+    let mesh = mesh::import(&stl(&triangles), &options).expect("a valid mesh").mesh;
     let parts = mesh::decompose(&mesh);
-    let hulls: Vec<_> =
-        parts.hulls.iter().map(|part| mesh::convex_hull(part, usize::MAX).unwrap()).collect();
+    let hulls: Vec<_> = parts
+        .hulls
+        .iter()
+        .map(|part| mesh::convex_hull(part, usize::MAX).expect("a solid"))
+        .collect();
     let is_inside = |p: Vec3| {
         hulls.iter().any(|hull| {
             hull.triangles.iter().all(|t| {

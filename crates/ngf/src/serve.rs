@@ -69,6 +69,9 @@ pub(crate) struct Options {
     /// Maximum number of concurrent jobs
     #[arg(long, value_name = "N", default_value_t = 1)]
     max_jobs: usize,
+    /// Start without the worker executable while it is being built; jobs wait for it
+    #[arg(long)]
+    wait_for_worker: bool,
     /// Open the page in a browser
     #[arg(long)]
     open: bool,
@@ -200,7 +203,8 @@ async fn open_scheduler(options: &Options) -> anyhow::Result<Option<Arc<JobSched
     let config = SchedulerConfig {
         data_dir: data.clone(),
         models_dir: options.models_dir.clone(),
-        program: worker::executable()?,
+        program: if options.wait_for_worker { worker::path()? } else { worker::executable()? },
+        waits_for_program: options.wait_for_worker,
         max_concurrent: options.max_jobs,
         min_free_bytes: options.min_free_gb.saturating_mul(BYTES_PER_GB),
     };

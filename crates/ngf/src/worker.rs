@@ -8,10 +8,15 @@ use std::process::Command;
 /// Name of the worker executable. It is in the folder of this executable.
 const WORKER: &str = "ngf-worker";
 
-/// Path of the worker executable.
-pub(crate) fn executable() -> anyhow::Result<PathBuf> {
+/// Path of the worker executable, whether or not it exists.
+pub(crate) fn path() -> anyhow::Result<PathBuf> {
     let own = std::env::current_exe().context("cannot locate this executable")?;
-    let worker = own.with_file_name(format!("{WORKER}{}", std::env::consts::EXE_SUFFIX));
+    Ok(own.with_file_name(format!("{WORKER}{}", std::env::consts::EXE_SUFFIX)))
+}
+
+/// Path of the worker executable; fails if it does not exist.
+pub(crate) fn executable() -> anyhow::Result<PathBuf> {
+    let worker = path()?;
     if !worker.is_file() {
         bail!("{} does not exist; build it with `cargo build --bin ngf-worker`", worker.display());
     }

@@ -46,8 +46,10 @@ pub struct SchedulerConfig {
     pub data_dir: PathBuf,
     /// Folder of the built-in models.
     pub models_dir: PathBuf,
-    /// Worker executable: `ngf`.
+    /// Worker executable: `ngf-worker`.
     pub program: PathBuf,
+    /// Whether the executable may not exist yet, because it is being built. Jobs stay queued until it does.
+    pub waits_for_program: bool,
     /// Maximum number of jobs that run at a time.
     pub max_concurrent: usize,
     /// Running jobs get an alert when less disk space than this is free (bytes).
@@ -224,6 +226,11 @@ impl JobScheduler {
         &self.config.program
     }
 
+    /// Whether jobs can start: the worker executable exists, or is expected to.
+    pub(crate) fn has_worker(&self) -> bool {
+        !self.config.waits_for_program || self.program().is_file()
+    }
+
     /// Folder of unfinished uploads.
     pub(crate) fn uploads_dir(&self) -> PathBuf {
         self.config.data_dir.join("uploads")
@@ -259,6 +266,9 @@ impl JobScheduler {
     async fn schedule(self: &Arc<Self>) -> Result<(), StoreError> {
         for id in self.store.expired_leases().await? {
             self.worker_lost(&id, None).await?;
+        }
+        if !self.has_worker() {
+            return Ok(());
         }
         loop {
             let running =

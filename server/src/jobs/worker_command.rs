@@ -86,6 +86,7 @@ mod tests {
                 data_dir: folder.path().join(program),
                 models_dir: folder.path().join("models"),
                 program: program.into(),
+                waits_for_program: false,
                 max_concurrent: 1,
                 min_free_bytes: 0,
             };

@@ -39,6 +39,8 @@ pub(super) struct ApiIndex {
     version: String,
     /// Whether the server runs jobs.
     jobs_enabled: bool,
+    /// Whether jobs can start; false while the worker executable is being built.
+    jobs_ready: bool,
     /// URLs of the resources, by name.
     urls: BTreeMap<String, String>,
     /// Maximum bytes, triangles, queued jobs and write requests per second.

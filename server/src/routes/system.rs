@@ -82,6 +82,7 @@ pub(super) async fn index(State(state): State<AppState>) -> Json<Value> {
     Json(json!({
         "object": "api", "version": env!("CARGO_PKG_VERSION"),
         "jobs_enabled": state.scheduler.is_some(),
+        "jobs_ready": state.scheduler.as_ref().is_some_and(|scheduler| scheduler.has_worker()),
         "urls": {
             "jobs": url("jobs"), "stream": url("stream?jobs="), "models": url("models"),
             "datasets": url("datasets"), "meshes": url("meshes"), "artifacts": url("artifacts/{hash}"),

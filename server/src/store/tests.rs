@@ -57,6 +57,7 @@ async fn server() -> (Router, std::sync::Arc<JobScheduler>, tempfile::TempDir) {
         data_dir: folder.path().to_owned(),
         models_dir: folder.path().join("models"),
         program: "ngf".into(),
+        waits_for_program: false,
         max_concurrent: 0,
         min_free_bytes: 0,
     };

@@ -25,6 +25,7 @@ async fn start_error(folder: &Path) -> String {
         data_dir: folder.join("data"),
         models_dir: folder.join("models"),
         program: "ngf".into(),
+        waits_for_program: false,
         max_concurrent: 0,
         min_free_bytes: 0,
     };

@@ -47,13 +47,21 @@ async fn state_with_scheduler(
     program: PathBuf,
     min_free_bytes: u64,
 ) -> (AppState, Arc<JobScheduler>) {
-    let config = SchedulerConfig {
+    state_with(folder, SchedulerConfig { min_free_bytes, ..config(folder, program) }).await
+}
+
+fn config(folder: &Path, program: PathBuf) -> SchedulerConfig {
+    SchedulerConfig {
         data_dir: folder.join("data"),
         models_dir: folder.join("models"),
         program,
+        waits_for_program: false,
         max_concurrent: 1,
-        min_free_bytes,
-    };
+        min_free_bytes: 0,
+    }
+}
+
+async fn state_with(folder: &Path, config: SchedulerConfig) -> (AppState, Arc<JobScheduler>) {
     let scheduler = JobScheduler::open(config).await.unwrap();
     let state = AppState::new(&folder.join("web"), &folder.join("models"));
     (state.with_scheduler(scheduler.clone(), watch::channel(false).1), scheduler)

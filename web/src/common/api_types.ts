@@ -598,6 +598,8 @@ export interface components {
         ApiIndex: {
             /** @description Whether the server runs jobs. */
             jobs_enabled: boolean;
+            /** @description Whether jobs can start; false while the worker executable is being built. */
+            jobs_ready: boolean;
             /** @description Maximum bytes, triangles, queued jobs and write requests per second. */
             limits: {
                 [key: string]: number;

@@ -1,6 +1,7 @@
 // Jobs page: job list, main view, and a URL for each view.
 
-import { ApiError, noServer } from "../common/api";
+import { ApiError, noServer, requestJson } from "../common/api";
+import type { components } from "../common/api_types";
 import { element, h } from "../common/dom";
 import { caughtErrorCard } from "../common/components";
 import { Comparison } from "./compare";
@@ -84,6 +85,18 @@ function serverErrorOf(error: unknown): ApiError | null {
   return status === 0 ? error : null;
 }
 
+// Whether the server has the program that runs the jobs: `cargo xtask demo` builds it while it serves the page.
+async function showWorkerStatus(): Promise<void> {
+  const status = element("worker-status", HTMLElement);
+  status.textContent = LIST.noWorker;
+  for (;;) {
+    const { jobs_ready } = await requestJson<components["schemas"]["ApiIndex"]>("../v1");
+    status.hidden = jobs_ready;
+    if (jobs_ready) return;
+    await new Promise((resolve) => setTimeout(resolve, 2000));
+  }
+}
+
 addEventListener("hashchange", () => {
   // Keyboard users who open a row continue in the main view, not in the next row.
   const isFromList = document.activeElement?.matches("#job-list a") ?? false;
@@ -105,5 +118,8 @@ try {
   if (!serverError) list.showError(error);
 }
 element("job-list", HTMLElement).hidden = serverError !== null;
-if (!serverError) feed.start();
+if (!serverError) {
+  feed.start();
+  showWorkerStatus().catch((error: unknown) => list.showError(error));
+}
 show();

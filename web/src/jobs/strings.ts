@@ -43,6 +43,7 @@ export const FAILURES: Record<string, string> = {
 export const CONNECTION = { connecting: "Connecting…", live: "Live", lost: "Connection lost. Reconnecting…" } as const;
 
 export const LIST = {
+  noWorker: "The program that runs the jobs is being built. Queued jobs start when it is ready.",
   choose: "Select a job or start a new one.",
   none: "No jobs.",
   loading: "Loading more…",
