@@ -21,7 +21,7 @@ pub(crate) struct Options {
 /// Builds page and server, then serves until the process is stopped. Jobs wait until their executable is built: it
 /// takes longer than all else together.
 pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<()> {
-    build_binaries(workspace, &["ngf"])?;
+    build_binaries(workspace, &[web_build::GENERATOR, "ngf"])?;
     // The executable of an earlier build may not fit this server.
     std::fs::remove_file(workspace.program("ngf-worker")).ok();
     let mut worker = workspace.cargo(&["build", "--workspace", "--bin", "ngf-worker"]);
@@ -38,7 +38,7 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<()> {
 
 /// Builds the page and all executables.
 pub(crate) fn build(workspace: &Workspace) -> Result<()> {
-    build_binaries(workspace, &["ngf", "ngf-worker"])
+    build_binaries(workspace, &[web_build::GENERATOR, "ngf", "ngf-worker"])
 }
 
 /// Builds the page and executables in parallel: the longest step of the page is the single-threaded linker.

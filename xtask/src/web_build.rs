@@ -4,8 +4,9 @@ use crate::build_cache::{CachedStep, timed};
 use crate::tools;
 use crate::workspace::{Workspace, run};
 use anyhow::Result;
-use std::path::Path;
-use wasm_bindgen_cli_support::Bindgen;
+
+/// Program that generates the bindings: `xtask/wasm-bindings`.
+pub(crate) const GENERATOR: &str = "wasm-bindings";
 
 /// Builds `web/dist` from crate `wasm` and the sources in `web`.
 pub(crate) fn build(workspace: &Workspace) -> Result<()> {
@@ -13,8 +14,14 @@ pub(crate) fn build(workspace: &Workspace) -> Result<()> {
     tools::wasm_target(workspace)?;
     let wasm = compile(workspace)?;
     let sim = workspace.web().join("sim");
-    let bindings = CachedStep { name: "bindings", inputs: vec![wasm.clone()], output: sim.clone() };
-    bindings.run(workspace, || bind(&wasm, &sim))?;
+    workspace.build_programs(&[GENERATOR])?;
+    let generator = workspace.program(GENERATOR);
+    let bindings = CachedStep {
+        name: "bindings",
+        inputs: vec![generator.clone(), wasm.clone()],
+        output: sim.clone(),
+    };
+    bindings.run(workspace, || run(workspace.command(generator, &[]).args([&wasm, &sim])))?;
     tools::npm_packages(workspace, "packages", &workspace.web())?;
     let page = CachedStep {
         name: "page",
@@ -30,17 +37,4 @@ fn compile(workspace: &Workspace) -> Result<std::path::PathBuf> {
         ["build", "-q", "-p", "wasm", "--target", "wasm32-unknown-unknown", "--profile", "wasm"];
     timed("wasm", || run(&mut workspace.cargo(&args)))?;
     Ok(workspace.target.join("wasm32-unknown-unknown/wasm/wasm.wasm"))
-}
-
-/// Writes `sim.js` and `sim_bg.wasm`. The caller of the ES module passes the URL of the wasm file.
-fn bind(wasm: &Path, folder: &Path) -> Result<()> {
-    Bindgen::new()
-        .input_path(wasm)
-        .out_name("sim")
-        .web(true)?
-        .typescript(true)
-        .omit_default_module_path(true)
-        .remove_name_section(true)
-        .remove_producers_section(true)
-        .generate(folder)
 }

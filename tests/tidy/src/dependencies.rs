@@ -12,7 +12,7 @@ use toml::{Table, Value};
 /// ARCHITECTURE.md describes the crates. `policy`, `rollout` and their dependencies run in the browser and
 /// must not depend on candle. `server` links no physics, training or Parquet: jobs, and the commands that read
 /// a dataset, run in worker processes.
-pub(crate) const ALLOWED_DEPENDENCIES: [(&str, &[&str]); 27] = [
+pub(crate) const ALLOWED_DEPENDENCIES: [(&str, &[&str]); 28] = [
     ("progress", &[]),
     ("mesh", &[]),
     ("geometry", &["mesh"]),
@@ -98,6 +98,7 @@ pub(crate) const ALLOWED_DEPENDENCIES: [(&str, &[&str]); 27] = [
     ("tidy", &[]),
     ("examples", &[]),
     ("xtask", &[]),
+    ("wasm-bindings", &[]),
     ("wasm-test-runner", &[]),
 ];
 
