@@ -10,11 +10,19 @@ pub(crate) const GENERATOR: &str = "wasm-bindings";
 
 /// Builds `web/dist` from crate `wasm` and the sources in `web`.
 pub(crate) fn build(workspace: &Workspace) -> Result<()> {
+    build_with(workspace, || workspace.build_programs(&[GENERATOR]))
+}
+
+/// Builds the page; `generator` builds [`GENERATOR`] or waits until it is built.
+pub(crate) fn build_with(
+    workspace: &Workspace,
+    generator: impl FnOnce() -> Result<()>,
+) -> Result<()> {
     tools::node(workspace)?;
     tools::wasm_target(workspace)?;
     let wasm = compile(workspace)?;
     let sim = workspace.web().join("sim");
-    workspace.build_programs(&[GENERATOR])?;
+    generator()?;
     let generator = workspace.program(GENERATOR);
     let bindings = CachedStep {
         name: "bindings",
