@@ -22,8 +22,6 @@ const NUM_SUPPORTS: usize = 60;
 /// No single cut of a hollow body empties it. Among such cuts, one that separates a convex part, such as the floor of a
 /// cup, is better than one that halves the body.
 const SOLVED_WEIGHT: f64 = 1.0;
-/// Exponent of the empty share of a side: a side counts as solved if it fills nearly nothing.
-const SOLVED_EXPONENT: i32 = 10;
 /// Min thickness of both sides of a cut (cells).
 const MIN_THICKNESS: f32 = 2.0;
 /// Min range of offsets that is searched (cells).
@@ -118,10 +116,8 @@ impl<'a> CutSearch<'a> {
         for (i, &offset) in offsets.iter().enumerate() {
             below.merge(&slabs[i].extremes);
             num_below += slabs[i].num_points;
-            if num_below == 0
-                || num_below == total
-                || (offset - bottom).min(top - offset) < MIN_THICKNESS
-            {
+            let thickness = (offset - bottom).min(top - offset);
+            if num_below == 0 || num_below == total || thickness < MIN_THICKNESS {
                 continue;
             }
             let plane = HalfSpace { normal, offset };
@@ -137,8 +133,7 @@ impl<'a> CutSearch<'a> {
                     let hull = content.hull(extremes, &slabs[i].section, &plane);
                     let of_side = self.filled(&hull, side.iter().flat_map(|slab| &slab.empty));
                     filled += of_side;
-                    let empty = 1.0 - (of_side / all).min(1.0);
-                    solved -= share * (1.0 - empty.powi(SOLVED_EXPONENT));
+                    solved -= share * (1.0 - solved_fraction(of_side / all));
                 }
             }
             let cost = cost(filled, solved);
@@ -180,6 +175,16 @@ impl<'a> CutSearch<'a> {
         let inside = samples.filter(|&&i| hull.contains(space.points[i as usize]));
         inside.map(|&i| space.weights[i as usize]).sum()
     }
+}
+
+/// How far a side is solved (0 to 1), from the fraction of the empty space that it fills: (1 - filled)^10. A side counts
+/// only if it fills nearly nothing.
+fn solved_fraction(filled: f64) -> f64 {
+    let empty = 1.0 - filled.min(1.0);
+    // Not `powi`, whose rounding depends on the machine.
+    let squared = empty * empty;
+    let fourth = squared * squared;
+    fourth * fourth * squared
 }
 
 /// Points of a part, and their heights in each of the support directions.

@@ -128,7 +128,9 @@ fn killed_worker_or_server_loses_nothing() {
 fn job_stops_within_a_second_and_resumes() {
     let folder = tempfile::tempdir().unwrap();
     let server = Server::start(&folder.path().join("data"));
-    let id = server.create_job("dataset.generate", json!({ "preset": "smoke" }));
+    // One thread, so that the job takes long enough to be stopped twice.
+    let params = json!({ "preset": "smoke", "threads": 1, "point_clouds": true });
+    let id = server.create_job("dataset.generate", params);
     server.wait_for_progress(&id);
     let pid = server.get(&format!("/jobs/{id}"))["worker"]["pid"].as_u64().unwrap();
     let start = Instant::now();
@@ -145,7 +147,8 @@ fn job_stops_within_a_second_and_resumes() {
     server.post(&format!("/jobs/{id}/retry"), &json!({}));
     let job = server.wait_for(&id, "succeeded");
     // Equal to a dataset from an uninterrupted job.
-    let again = server.create_job("dataset.generate", json!({ "preset": "smoke", "threads": 1 }));
+    let params = json!({ "preset": "smoke", "point_clouds": true });
+    let again = server.create_job("dataset.generate", params);
     let again = server.wait_for(&again, "succeeded");
     assert_eq!(job["outputs"]["dataset_id"], again["outputs"]["dataset_id"]);
 }
