@@ -113,18 +113,13 @@ fn preview_until_built(
 /// Time that the build of the server may take without a preview of the page.
 const MIN_PREVIEW: Duration = Duration::from_secs(3);
 
-/// Builds the page and all executables.
+/// Builds the page and all executables in parallel: the longest step of the page is the single-threaded linker.
 pub(crate) fn build(workspace: &Workspace) -> Result<()> {
-    build_binaries(workspace, &[web_build::GENERATOR, "ngf", "ngf-worker"])
-}
-
-/// Builds the page and executables in parallel: the longest step of the page is the single-threaded linker.
-fn build_binaries(workspace: &Workspace, names: &[&str]) -> Result<()> {
     // Missing tools are reported before builds that take minutes.
     tools::node(workspace)?;
     tools::wasm_target(workspace)?;
     let mut cargo = workspace.cargo(&["build", "--workspace"]);
-    cargo.args(names.iter().flat_map(|name| ["--bin", name]));
+    cargo.args(["--bin", web_build::GENERATOR, "--bin", "ngf", "--bin", "ngf-worker"]);
     let mut server = cargo.spawn().context("cannot run cargo")?;
     let page = web_build::build(workspace);
     let status = timed("server", || Ok(server.wait()?))?;

@@ -2,32 +2,13 @@
 
 mod common;
 
-use common::{Triangle, check, cuboid, import, stl};
+use common::{Triangle, check, cuboid, import, lathe, stl};
 use mesh::VolumeSource;
 
 /// Cup of 80 x 80 x 95 mm with a wall of 3 mm: 86.0 cm³, centre of mass 38.4 mm above its foot.
 fn cup() -> Vec<Triangle> {
-    let profile =
-        [[0.0, 0.0], [40.0, 0.0], [40.0, 95.0], [37.0, 95.0], [37.0, 4.0], [0.0, 4.0_f64]];
-    let at = |[r, z]: [f64; 2], k: u32| {
-        let (sin, cos) = libm::sincos(std::f64::consts::TAU * f64::from(k % 64) / 64.0);
-        [r * cos, r * sin, z]
-    };
-    let mut triangles = Vec::new();
-    for k in 0..64 {
-        for (i, &p) in profile.iter().enumerate() {
-            let q = profile[(i + 1) % profile.len()];
-            if p[0] > 0.0 {
-                triangles.push([at(p, k), at(p, k + 1), at(q, k + 1)]);
-            }
-            if q[0] > 0.0 {
-                triangles.push([at(p, k), at(q, k + 1), at(q, k)]);
-            }
-        }
-    }
-    // The side on the axis has no area.
-    triangles.retain(|[a, b, c]| a != b && b != c && c != a);
-    triangles
+    let profile = [[0.0, 0.0], [40.0, 0.0], [40.0, 95.0], [37.0, 95.0], [37.0, 4.0], [0.0, 4.0]];
+    lathe(&profile, 64)
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{Triangle, cuboid, stl};
+use common::{Triangle, cuboid, lathe, stl};
 use glamx::{DQuat, DVec3, Vec3};
 use mesh::{MeshOptions, Unit};
 use rand::{Rng, RngExt, SeedableRng};
@@ -14,27 +14,6 @@ struct Shape {
     triangles: Vec<Triangle>,
     /// Samples a point of the opening.
     opening: Box<dyn Fn(&mut ChaCha8Rng) -> DVec3>,
-}
-
-/// Surface of revolution of a closed profile of (radius, height) about z, in `count` segments.
-fn lathe(profile: &[[f64; 2]], count: usize) -> Vec<Triangle> {
-    let at = |[radius, height]: [f64; 2], k: usize| {
-        let (sin, cos) = (TAU * k as f64 / count as f64).sin_cos();
-        [radius * cos, radius * sin, height]
-    };
-    let mut triangles = Vec::new();
-    for k in 0..count {
-        for (i, &p) in profile.iter().enumerate() {
-            let q = profile[(i + 1) % profile.len()];
-            if p[0] > 0.0 {
-                triangles.push([at(p, k), at(p, k + 1), at(q, k + 1)]);
-            }
-            if q[0] > 0.0 {
-                triangles.push([at(p, k), at(q, k + 1), at(q, k)]);
-            }
-        }
-    }
-    triangles
 }
 
 /// Bent rod in the xz plane: an arc of `ring` about `center` from angle `start` to `end` (rad), closed.

@@ -29,6 +29,27 @@ pub(crate) fn cuboid(low: [f64; 3], high: [f64; 3]) -> Vec<Triangle> {
     box_triangles().into_iter().map(|t| t.map(|i| points[i])).collect()
 }
 
+/// Surface of revolution of a closed profile of (radius, height) about z, in `count` segments.
+pub(crate) fn lathe(profile: &[[f64; 2]], count: usize) -> Vec<Triangle> {
+    let at = |[radius, height]: [f64; 2], k: usize| {
+        let (sin, cos) = libm::sincos(std::f64::consts::TAU * (k % count) as f64 / count as f64);
+        [radius * cos, radius * sin, height]
+    };
+    let mut triangles = Vec::new();
+    for k in 0..count {
+        for (i, &p) in profile.iter().enumerate() {
+            let q = profile[(i + 1) % profile.len()];
+            if p[0] > 0.0 {
+                triangles.push([at(p, k), at(p, k + 1), at(q, k + 1)]);
+            }
+            if q[0] > 0.0 {
+                triangles.push([at(p, k), at(q, k + 1), at(q, k)]);
+            }
+        }
+    }
+    triangles
+}
+
 pub(crate) fn stl(triangles: &[Triangle]) -> Vec<u8> {
     let mut bytes = vec![0; 80];
     bytes.extend((triangles.len() as u32).to_le_bytes());
