@@ -3,14 +3,14 @@
 //! `cargo run -p examples --example 04_grasp_search`
 
 use grasps::RobotContext;
-use grasps::search::{SearchConfig, search};
+use grasps::search::{SearchConfig, SearchCounts, search};
 use objects::Object;
 
 fn main() -> anyhow::Result<()> {
     let robot = RobotContext::standard()?;
     let object = Object::from_catalog("sugar_box").expect("a built-in object");
     let config = SearchConfig::quick(&robot);
-    let print = |_: &str, done: usize, total: usize| print!("\r{:3} %", 100 * done / total);
+    let print = |counts: &SearchCounts| print!("\r{:3.0} %", 100.0 * counts.fraction);
     let (set, robust) = search(&robot, &object, &config, 0, &print)?;
     println!(
         "\r{} candidates, {} closed, {} tried, {} lifted",

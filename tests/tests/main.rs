@@ -7,6 +7,7 @@ mod controls;
 mod demonstration_quality;
 mod demonstration_replay;
 mod goldens;
+mod grasp_search;
 mod grasp_trials;
 mod held_box;
 mod interaction;

@@ -22,7 +22,7 @@ use grasps::{GraspSet, PlacedObject, RobotContext};
 use objects::catalog::{Objects, parse_variant, reference_object};
 use objects::object::Object;
 use objects::shape_variant::ShapeVariant;
-use progress::{NoProgress, Progress};
+use progress::Progress;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
@@ -127,7 +127,7 @@ impl Generator<'_> {
                 let first = transferred(exemplar, None)?;
                 Ok(first.map_or(own.clone(), |first| first.chain(own)))
             }
-            (None, _) => Ok(search(robot, object, &search_config, seed, &NoProgress)?.0),
+            (None, _) => Ok(search(robot, object, &search_config, seed, &|_| ())?.0),
         }
     }
 

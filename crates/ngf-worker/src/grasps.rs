@@ -8,7 +8,7 @@ use files::atomic_file;
 use grasps::plan::object_poses::{NUM_COVERAGE_POSES, coverage};
 use grasps::search::robustness;
 use grasps::search::robustness::SimilarObject;
-use grasps::search::{SearchConfig, refine_around, search, try_imported};
+use grasps::search::{STAGE, SearchConfig, SearchCounts, refine_around, search, try_imported};
 use grasps::set::clusters::ScoredGrasp;
 use grasps::set::import::GraspFile;
 use grasps::set::selection;
@@ -19,8 +19,10 @@ use robot::Isometry;
 use scene::SceneError;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
+use std::cell::Cell;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Instant;
 
 /// Object, search effort and files of a grasp search.
 #[derive(clap::Args)]
@@ -30,7 +32,7 @@ pub(crate) struct Options {
     /// File of external grasps, which are closed and tested instead of a search
     #[arg(long, value_name = "FILE")]
     import: Option<PathBuf>,
-    /// Number of robust grasps to search for
+    /// Number of grasps to search for
     #[arg(long, value_enum, default_value_t = Effort::Standard)]
     effort: Effort,
     /// Candidate or grasp files of earlier searches. Skips the search: perturbs the best candidates and
@@ -53,9 +55,9 @@ pub(crate) struct Options {
 enum Effort {
     /// A few grasps within seconds, as on the page
     Quick,
-    /// As many as for the bundled grasps
+    /// Grasps that cover the workspace
     Standard,
-    /// Three times as many robust grasps
+    /// Many robust grasps, without regard to coverage, as a start for --refine-from
     Thorough,
 }
 
@@ -85,23 +87,51 @@ pub(crate) fn run(options: &Options) -> Result<()> {
         chooser.cache.delete()?;
         return write_set(options, robot, (name, object), &set);
     }
-    let bar = Bar::new(&format!("{name}: grasps"), 0);
-    let progress = |_: &str, done: usize, total: usize| bar.update(done, total);
+    let bar = Bar::new(STAGE, 100);
+    let start = Instant::now();
+    let first_robust = Cell::new(None);
+    let last_counts = Cell::new(SearchCounts::default());
+    let show = |counts: &SearchCounts| {
+        bar.set((100.0 * counts.fraction) as usize);
+        last_counts.set(*counts);
+        if counts.robust > 0 && first_robust.get().is_none() {
+            first_robust.set(Some(start.elapsed().as_secs_f64()));
+        }
+    };
     let (set, reliable) = match &options.import {
-        None => search(&robot, &object, &config, options.seed, &progress)?,
+        None => search(&robot, &object, &config, options.seed, &show)?,
         Some(path) => {
             let bytes =
                 std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))?;
             let file = GraspFile::parse(&bytes)?;
             let imported = file.convert(&robot.tree, &object)?;
+            let progress = |_: &str, done: usize, total: usize| bar.update(done, total);
             try_imported(&robot, &object, &config, &imported, options.seed, &progress)?
         }
     };
+    let seconds = start.elapsed().as_secs_f64();
     bar.clear();
     println!(
         "{name}: {} candidates, {} closed, {} tested, {} lifted",
         set.num_candidates, set.num_closed, set.num_tried, set.num_lifted
     );
+    if options.import.is_none() {
+        let SearchCounts { rejections, unapproachable, .. } = last_counts.get();
+        println!(
+            "{name}: rejected: {} collide, {} do not touch with thumb and finger, {} unbalanced, {} too heavy; \
+             {unapproachable} without a motion into the grasp",
+            rejections.collision,
+            rejections.too_few_contacts,
+            rejections.unbalanced,
+            rejections.too_heavy,
+        );
+    }
+    match first_robust.get() {
+        Some(first) => {
+            println!("{name}: first robust grasp after {first:.1} s, all after {seconds:.1} s");
+        }
+        None => println!("{name}: {seconds:.1} s"),
+    }
     if let Some(path) = &options.save_candidates {
         atomic_file::write(path, &serde_json::to_vec_pretty(&reliable)?)?;
     }

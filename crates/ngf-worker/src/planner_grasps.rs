@@ -3,7 +3,7 @@
 use crate::object_selection::SelectedObject;
 use crate::progress_bar::Bar;
 use anyhow::{Context, Result, bail};
-use grasps::search::{SearchConfig, search};
+use grasps::search::{STAGE, SearchConfig, SearchCounts, search};
 use grasps::set::catalog::catalog_grasps;
 use grasps::{GraspSet, RobotContext};
 use rollout::Controller;
@@ -23,9 +23,9 @@ pub(crate) fn planner(
         Some(path) => read(path)?,
         None if catalog_grasps(name).is_some() => return Ok(Controller::Planner),
         None => {
-            let bar = Bar::new(&format!("{name}: grasps"), 0);
-            let progress = |_: &str, done: usize, total: usize| bar.update(done, total);
-            let (set, _) = search(robot, object, &SearchConfig::paper(robot), seed, &progress)?;
+            let bar = Bar::new(STAGE, 100);
+            let show = |counts: &SearchCounts| bar.set((100.0 * counts.fraction) as usize);
+            let (set, _) = search(robot, object, &SearchConfig::paper(robot), seed, &show)?;
             bar.clear();
             let (tried, robust) = (set.num_tried, set.num_robust);
             println!(

@@ -7,6 +7,7 @@ pub mod catalog;
 pub mod import;
 pub mod loft;
 pub mod object;
+mod object_bytes;
 mod orientation;
 mod resting_pose;
 pub mod shape_variant;

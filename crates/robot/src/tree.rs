@@ -127,18 +127,21 @@ impl KinematicTree {
     /// The robot of this project: [`RobotDescription::STANDARD`], whose URDF was parsed at compile time.
     pub fn iiwa7_allegro() -> Result<Self, UrdfError> {
         let urdf = Urdf::parse_json(include_str!(concat!(env!("OUT_DIR"), "/urdf.json")))?;
-        Self::combine(&urdf, &RobotDescription::STANDARD)
+        // The text of the URDF is not used, so that it does not become part of the page.
+        let RobotDescription { hand, collision_spheres, .. } = RobotDescription::STANDARD;
+        Self::combine(&urdf, hand, collision_spheres)
     }
 
     /// Builds the tree from the texts of a robot folder. The URDF requires 7 arm joints followed by 4 x 4 hand
     /// joints, and the links that the hand file names.
     pub fn load(description: &RobotDescription) -> Result<Self, UrdfError> {
-        Self::combine(&Urdf::parse(description.urdf)?, description)
+        let RobotDescription { urdf, hand, collision_spheres } = *description;
+        Self::combine(&Urdf::parse(urdf)?, hand, collision_spheres)
     }
 
-    fn combine(urdf: &Urdf, description: &RobotDescription) -> Result<Self, UrdfError> {
-        let hand = HandModel::parse(description.hand)?;
-        let spheres = collision_spheres::parse(description.collision_spheres)?;
+    fn combine(urdf: &Urdf, hand: &str, spheres: &str) -> Result<Self, UrdfError> {
+        let hand = HandModel::parse(hand)?;
+        let spheres = collision_spheres::parse(spheres)?;
         let tree = Self::build(urdf, hand, spheres)?;
         tree.hand.check(&tree)?;
         tree.collision_spheres()?;

@@ -762,6 +762,11 @@ export interface components {
          * @enum {string}
          */
         Directive: "continue" | "stop";
+        /**
+         * @description Number of grasps to search for.
+         * @enum {string}
+         */
+        Effort: "quick" | "standard" | "thorough";
         /** @description Parameters of autoencoder training. */
         EncoderParams: components["schemas"]["TrainingParams"] & {
             /** @description Dataset that provides the point clouds. */
@@ -916,6 +921,36 @@ export interface components {
          * @enum {string}
          */
         EventType: "status" | "progress" | "metric" | "log" | "checkpoint" | "artifact" | "alert";
+        /** @description Parameters of a grasp search in simulation. */
+        GraspSearchParams: components["schemas"]["ObjectParams"] & {
+            /** @description Number of grasps to search for. */
+            effort?: components["schemas"]["Effort"];
+            /**
+             * Format: int64
+             * @description Random seed of the search.
+             */
+            seed?: number;
+        };
+        /** Search grasps */
+        GraspsSearchRequest: {
+            /**
+             * @description discriminator enum property added by openapi-typescript
+             * @enum {string}
+             */
+            kind: "grasps.search";
+            /** @description Up to 16 text entries. */
+            metadata?: {
+                [key: string]: string;
+            } | null;
+            /** @description Display name. */
+            name?: string | null;
+            params: components["schemas"]["GraspSearchParams"];
+            /**
+             * Format: int64
+             * @description Jobs with a higher priority start first.
+             */
+            priority?: number | null;
+        };
         /** @description Health of the server. */
         Health: {
             /** @description `ok` (liveness) or `ready` (readiness). */
@@ -967,7 +1002,7 @@ export interface components {
             object: string;
             outputs: components["schemas"]["Outputs"];
             /** @description Parameters with defaults filled in. */
-            params: components["schemas"]["DatasetParams"] | components["schemas"]["EncoderParams"] | components["schemas"]["PolicyParams"] | components["schemas"]["EvaluationParams"] | components["schemas"]["MeshParams"];
+            params: components["schemas"]["DatasetParams"] | components["schemas"]["EncoderParams"] | components["schemas"]["PolicyParams"] | components["schemas"]["EvaluationParams"] | components["schemas"]["GraspSearchParams"] | components["schemas"]["MeshParams"];
             /** @description Current phase, as named by the worker. */
             phase?: string | null;
             /**
@@ -1029,12 +1064,12 @@ export interface components {
             unit: string;
         };
         /** @description Request that creates a job; `kind` selects the parameters. */
-        JobRequest: components["schemas"]["DatasetGenerateRequest"] | components["schemas"]["EncoderTrainRequest"] | components["schemas"]["PolicyTrainRequest"] | components["schemas"]["PolicyEvaluateRequest"] | components["schemas"]["MeshPrepareRequest"];
+        JobRequest: components["schemas"]["DatasetGenerateRequest"] | components["schemas"]["EncoderTrainRequest"] | components["schemas"]["PolicyTrainRequest"] | components["schemas"]["PolicyEvaluateRequest"] | components["schemas"]["GraspsSearchRequest"] | components["schemas"]["MeshPrepareRequest"];
         /**
          * @description Kind of a job; selects the worker command and the parameters.
          * @enum {string}
          */
-        Kind: "dataset.generate" | "encoder.train" | "policy.train" | "policy.evaluate" | "mesh.prepare";
+        Kind: "dataset.generate" | "encoder.train" | "policy.train" | "policy.evaluate" | "grasps.search" | "mesh.prepare";
         /**
          * @description Severity of an event.
          * @enum {string}
@@ -1519,7 +1554,7 @@ export interface components {
                 object: string;
                 outputs: components["schemas"]["Outputs"];
                 /** @description Parameters with defaults filled in. */
-                params: components["schemas"]["DatasetParams"] | components["schemas"]["EncoderParams"] | components["schemas"]["PolicyParams"] | components["schemas"]["EvaluationParams"] | components["schemas"]["MeshParams"];
+                params: components["schemas"]["DatasetParams"] | components["schemas"]["EncoderParams"] | components["schemas"]["PolicyParams"] | components["schemas"]["EvaluationParams"] | components["schemas"]["GraspSearchParams"] | components["schemas"]["MeshParams"];
                 /** @description Current phase, as named by the worker. */
                 phase?: string | null;
                 /**

@@ -5,5 +5,6 @@ export const KINDS: Record<string, string> = {
   "encoder.train": "Train encoder",
   "policy.train": "Train policy",
   "policy.evaluate": "Evaluate policy",
+  "grasps.search": "Search grasps",
   "mesh.prepare": "Inspect mesh",
 };

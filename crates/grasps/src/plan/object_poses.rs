@@ -1,6 +1,7 @@
 //! Object poses at which grasps are planned and tried, and at which their coverage is counted.
 
 use crate::plan::lift;
+use crate::search::parallel;
 use crate::search::trial::{self, TrialOutcome, TrialProtocol};
 use crate::set::grasp::{Grasp, Posture};
 use crate::set::symmetry::expand_by_symmetry;
@@ -32,10 +33,12 @@ pub fn coverage(robot: &RobotContext, object: &Object, grasps: &[Grasp]) -> Vec<
     let grasps = &expand_by_symmetry(object, grasps);
     let mut coverage = vec![0; grasps.iter().map(|grasp| grasp.cluster + 1).max().unwrap_or(0)];
     let at_origin = PlacedObject::at_origin(robot, object);
-    for pose in coverage_poses(robot) {
-        if let Some((first, _)) = at_origin.at_pose(&pose).reachable(grasps).next() {
-            coverage[grasps[first.grasp].cluster] += 1;
-        }
+    let first_cluster = |pose: &Pose| {
+        let (first, _) = at_origin.at_pose(pose).reachable(grasps).next()?;
+        Some(grasps[first.grasp].cluster)
+    };
+    for cluster in parallel::map(&coverage_poses(robot), first_cluster).into_iter().flatten() {
+        coverage[cluster] += 1;
     }
     coverage
 }
@@ -51,11 +54,12 @@ pub struct PlannedGrasp<'a> {
     pub placed: PlacedObject<'a>,
     /// Robot posture of the grasp at that pose.
     pub posture: Posture,
-    planar_pose: [f32; 3],
+    /// Index of the object yaw, of [`NUM_YAWS`].
+    pub(crate) yaw_index: usize,
     lift: Vec<JointState>,
 }
 
-/// Number of object yaws that are compared.
+/// Number of object yaws at which a grasp may be tried.
 const NUM_YAWS: usize = 12;
 
 impl<'a> PlannedGrasp<'a> {
@@ -67,23 +71,38 @@ impl<'a> PlannedGrasp<'a> {
         at_origin: &PlacedObject<'a>,
         grasp: &Grasp,
     ) -> Result<Option<Self>, SceneError> {
-        let robot = at_origin.robot;
-        let [x, y] = [robot.config.workspace.x, robot.config.workspace.y]
-            .map(|[min, max]| 0.5 * (min + max));
+        let nominal = at_origin.robot.nominal;
         let mut best: Option<(f64, Self)> = None;
-        for step in 0..NUM_YAWS {
-            let yaw = step as f32 * (std::f32::consts::TAU / NUM_YAWS as f32);
-            let placed = at_origin.at_pose(&robot.config.object_pose(x, y, yaw));
-            let Some(posture) = placed.plan(grasp) else { continue };
-            let distance = (posture.pregrasp - robot.nominal).norm();
+        for yaw_index in 0..NUM_YAWS {
+            let Some(planned) = Self::without_lift(at_origin, grasp, yaw_index) else { continue };
+            let distance = (planned.posture.pregrasp - nominal).norm();
             if best.as_ref().is_none_or(|(min, _)| distance < *min) {
-                let planned = Self { placed, posture, planar_pose: [x, y, yaw], lift: Vec::new() };
                 best = Some((distance, planned));
             }
         }
-        let Some((_, planned)) = best else { return Ok(None) };
-        let lift = lift::plan_from_grasp(&planned.placed, &planned.posture)?;
-        Ok(lift.map(|lift| Self { lift, ..planned }))
+        best.map_or(Ok(None), |(_, planned)| planned.with_lift())
+    }
+
+    /// Plans a grasp at one of the object yaws; `None` if it is unreachable.
+    pub(crate) fn plan_at_yaw(
+        at_origin: &PlacedObject<'a>,
+        grasp: &Grasp,
+        yaw_index: usize,
+    ) -> Result<Option<Self>, SceneError> {
+        let planned = Self::without_lift(at_origin, grasp, yaw_index);
+        planned.map_or(Ok(None), Self::with_lift)
+    }
+
+    fn without_lift(at_origin: &PlacedObject<'a>, grasp: &Grasp, yaw_index: usize) -> Option<Self> {
+        let [x, y, yaw] = planar_pose(at_origin.robot, yaw_index);
+        let placed = at_origin.at_pose(&at_origin.robot.config.object_pose(x, y, yaw));
+        let posture = placed.plan(grasp)?;
+        Some(Self { placed, posture, yaw_index, lift: Vec::new() })
+    }
+
+    fn with_lift(self) -> Result<Option<Self>, SceneError> {
+        let lift = lift::plan_from_grasp(&self.placed, &self.posture)?;
+        Ok(lift.map(|lift| Self { lift, ..self }))
     }
 
     /// Executes the planned grasp with the object displaced by `[x, y, yaw]` (m, rad) from the planned pose.
@@ -92,11 +111,18 @@ impl<'a> PlannedGrasp<'a> {
         [dx, dy, dyaw]: [f32; 3],
         protocol: TrialProtocol,
     ) -> Result<TrialOutcome, SceneError> {
-        let [x, y, yaw] = self.planar_pose;
+        let [x, y, yaw] = planar_pose(self.placed.robot, self.yaw_index);
         let displaced = self.placed.robot.config.object_pose(x + dx, y + dy, yaw + dyaw);
         let placed = self.placed.at_pose(&displaced);
         trial::try_grasp(&placed, &self.posture, &self.lift, protocol)
     }
+}
+
+/// Object pose `[x, y, yaw]` (m, rad) at the centre of the workspace, with the yaw of this index.
+fn planar_pose(robot: &RobotContext, yaw_index: usize) -> [f32; 3] {
+    let [x, y] =
+        [robot.config.workspace.x, robot.config.workspace.y].map(|[min, max]| 0.5 * (min + max));
+    [x, y, yaw_index as f32 * (std::f32::consts::TAU / NUM_YAWS as f32)]
 }
 
 /// Samples an object pose `[x, y, yaw]` (m, rad), uniform over the workspace.

@@ -23,7 +23,9 @@ pub struct CandidateConfig {
     pub lateral_range: f64,
     /// Maximum angle (rad) of the palm's normal from straight down.
     pub max_tilt: f64,
-    /// Step (m) by which a colliding palm backs off along its normal.
+    /// Minimum number of fingers that touch the object, besides the thumb. With one finger, the grasp is a pinch.
+    pub min_fingers: usize,
+    /// Step (m) by which a hand that collides with object or table backs off along the palm's normal.
     pub backoff: f64,
     /// Maximum number of such steps.
     pub max_backoff_steps: usize,
@@ -47,6 +49,7 @@ impl CandidateConfig {
             grasp_center: hand.grasp.center,
             lateral_range: 0.5,
             max_tilt: 1.5,
+            min_fingers: 1,
             backoff: 0.004,
             max_backoff_steps: 12,
             min_clearance: 0.002,
@@ -57,6 +60,7 @@ impl CandidateConfig {
                 thumb_rates: hand.closing.thumb_rates,
                 step: 0.01,
                 contact_distance: 0.0005,
+                table_clearance: 0.001,
             },
             squeeze: SqueezeConfig {
                 min_force: hand.squeeze.min_force,
@@ -74,12 +78,70 @@ impl CandidateConfig {
 pub enum Rejection {
     /// The open hand collides with object or table.
     Collision,
-    /// The thumb, or two of the three fingers, miss the object.
+    /// The thumb, or too many of the fingers, miss the object.
     TooFewContacts,
     /// The contact forces do not balance.
     Unbalanced,
     /// The motors cannot press hard enough for the object's weight.
     TooHeavy,
+}
+
+/// A rejected candidate.
+#[derive(Clone, Debug)]
+pub struct Rejected {
+    /// Why it is rejected.
+    pub reason: Rejection,
+    /// How close it was to a grasp; `None` if the hand collides or misses the object.
+    pub near_miss: Option<NearMiss>,
+}
+
+impl From<Rejection> for Rejected {
+    fn from(reason: Rejection) -> Self {
+        Self { reason, near_miss: None }
+    }
+}
+
+/// A palm pose near which there may be grasps.
+#[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
+pub struct NearMiss {
+    /// Palm pose in the object's frame.
+    pub object_from_palm: Isometry,
+    /// Ratio of the wrench residual to its maximum plus the ratio of the minimum force margin to the margin.
+    pub error: f64,
+}
+
+/// Numbers of rejected candidates by reason.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+pub struct Rejections {
+    /// [`Rejection::Collision`].
+    pub collision: usize,
+    /// [`Rejection::TooFewContacts`].
+    pub too_few_contacts: usize,
+    /// [`Rejection::Unbalanced`].
+    pub unbalanced: usize,
+    /// [`Rejection::TooHeavy`].
+    pub too_heavy: usize,
+}
+
+impl Rejections {
+    /// Counts one candidate.
+    pub fn count(&mut self, reason: Rejection) {
+        match reason {
+            Rejection::Collision => self.collision += 1,
+            Rejection::TooFewContacts => self.too_few_contacts += 1,
+            Rejection::Unbalanced => self.unbalanced += 1,
+            Rejection::TooHeavy => self.too_heavy += 1,
+        }
+    }
+}
+
+impl std::ops::AddAssign for Rejections {
+    fn add_assign(&mut self, other: Self) {
+        self.collision += other.collision;
+        self.too_few_contacts += other.too_few_contacts;
+        self.unbalanced += other.unbalanced;
+        self.too_heavy += other.too_heavy;
+    }
 }
 
 /// The object of a search, at the origin, with the table in the same frame.
@@ -109,7 +171,7 @@ pub fn evaluate_candidate(
     config: &CandidateConfig,
     mut object_from_palm: Isometry,
     rng: &mut impl Rng,
-) -> Result<(Grasp, contact_forces::Squeeze), Rejection> {
+) -> Result<(Grasp, contact_forces::Squeeze), Rejected> {
     let RobotContext { tree, collision_model: robot, .. } = robot;
     let pregrasp = robot::joint_vector(&[0.0; ARM_DOF], &config.pregrasp);
     // The hand is fixed; object and table are moved to it.
@@ -127,22 +189,26 @@ pub fn evaluate_candidate(
     };
     let (mut world_from_object, mut shapes) = transform(&object_from_palm);
     let mut steps = config.max_backoff_steps;
-    while gap_to(&shapes) < config.min_clearance {
+    // The open fingers are longer than low objects are high.
+    let mut table = target.table.transformed(&world_from_object);
+    while gap_to(std::slice::from_ref(&table)) < config.min_clearance
+        || gap_to(&shapes) < config.min_clearance
+    {
         if steps == 0 {
-            return Err(Rejection::Collision);
+            return Err(Rejection::Collision.into());
         }
         steps -= 1;
         object_from_palm *= Isometry::translation(-config.backoff, 0.0, 0.0);
         (world_from_object, shapes) = transform(&object_from_palm);
-    }
-    if gap_to(&[target.table.transformed(&world_from_object)]) < config.min_clearance {
-        return Err(Rejection::Collision);
+        table = target.table.transformed(&world_from_object);
     }
     let closing = sample_closing(&config.closing, rng);
-    let closed = closing::close_hand(tree, robot, &pregrasp, &shapes, &closing);
+    let closed = closing::close_hand(tree, robot, &pregrasp, &shapes, &table, &closing);
     let [index, middle, ring, thumb] = closed.contacts.map(|c| c.is_some());
-    if !thumb || [index, middle, ring].iter().filter(|touches| **touches).count() < 2 {
-        return Err(Rejection::TooFewContacts);
+    if !thumb
+        || [index, middle, ring].iter().filter(|touches| **touches).count() < config.min_fingers
+    {
+        return Err(Rejection::TooFewContacts.into());
     }
     let squeeze = contact_forces::compute_squeeze(
         tree,
@@ -153,11 +219,15 @@ pub fn evaluate_candidate(
         &config.squeeze,
     )
     .ok_or(Rejection::TooFewContacts)?;
-    if squeeze.wrench_residual > config.max_residual {
-        return Err(Rejection::Unbalanced);
-    }
-    if squeeze.force_margin < config.min_force_margin {
-        return Err(Rejection::TooHeavy);
+    let [unbalance, overload] = [
+        squeeze.wrench_residual / config.max_residual,
+        config.min_force_margin / squeeze.force_margin,
+    ];
+    if unbalance > 1.0 || overload > 1.0 {
+        let reason = if unbalance > 1.0 { Rejection::Unbalanced } else { Rejection::TooHeavy };
+        let near_miss =
+            NearMiss { object_from_palm, error: unbalance.max(1.0) + overload.max(1.0) };
+        return Err(Rejected { reason, near_miss: Some(near_miss) });
     }
     let grasp = Grasp {
         cluster: 0,
@@ -186,13 +256,17 @@ pub fn perturb_palm(pose: &Isometry, shift: f64, turn: f64, rng: &mut impl Rng) 
     pose * Isometry::from_parts(Vector::from(shift).into(), rotation::from_rpy(turn))
 }
 
-/// Samples a palm pose whose grasp centre is inside the object and whose normal points down to sideways.
+/// Samples a palm pose whose grasp centre is inside the object and whose normal points down to sideways. Half of
+/// the poses are sampled about the centre of the bounding box, half about the centre of mass: a hammer is
+/// balanced only near its head.
 pub fn sample_palm(object: &Object, config: &CandidateConfig, rng: &mut impl Rng) -> Isometry {
     let [min, max] = object.bounds.map(rotation::to_vector);
     let (middle, half) = ((min + max) * 0.5, (max - min) * 0.5);
     let mut draw = |reach: f64| rng.random_range(-reach..=reach);
     let offset = Vector::new(draw(config.lateral_range), draw(config.lateral_range), draw(0.9));
-    let point = middle + half.component_mul(&offset);
+    let com = rotation::to_vector(object.center_of_mass);
+    let center = if draw(1.0) < 0.0 { middle } else { Vector::new(com.x, com.y, middle.z) };
+    let point = (center + half.component_mul(&offset)).sup(&min).inf(&max);
     let (around, roll) = (draw(std::f64::consts::PI), draw(std::f64::consts::PI));
     let tilt = 0.5 * (draw(config.max_tilt) + config.max_tilt);
     // The palm's normal is its x axis; `down` points it straight down.

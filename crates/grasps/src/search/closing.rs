@@ -16,6 +16,8 @@ pub struct ClosingConfig {
     pub step: f64,
     /// A link is in contact if its signed distance (m) from the object is not above this.
     pub contact_distance: f32,
+    /// A link stops at this distance (m) from the table.
+    pub table_clearance: f32,
 }
 
 /// The closed hand and its contacts.
@@ -31,15 +33,22 @@ pub struct ClosedHand {
 /// Maximum distance (m) of a query; farther shapes are ignored.
 const MAX_QUERY_DISTANCE: f32 = 0.02;
 
+/// Upper bound of the distance (m) from a finger's first joint to any point of its links. A finger of the Allegro
+/// hand with its fingertip is 0.16 m long.
+const FINGER_REACH: f64 = 0.2;
+
 /// Flexes all fingers from the posture `pregrasp` until they touch one of `shapes`.
 ///
-/// When a link touches, the joints before it stop and those after it continue. Joints also stop at their
-/// limits, which is where a finger without contact ends.
+/// When a link touches or meets the table, the joints before it stop and those after it continue. Joints also stop
+/// at their limits. A finger without contact ends at its limits or above the table: around a low object, the
+/// outer fingers would otherwise end inside the table. Distances are not computed where the last one shows
+/// that nothing can have touched.
 pub fn close_hand(
     tree: &KinematicTree,
     robot: &CollisionModel,
     pregrasp: &JointVector,
     shapes: &[ConvexShape],
+    table: &ConvexShape,
     config: &ClosingConfig,
 ) -> ClosedHand {
     let mut q = *pregrasp;
@@ -50,6 +59,9 @@ pub fn close_hand(
             if finger == NUM_FINGERS - 1 { config.thumb_rates } else { config.finger_rates };
         // Joint 0 of a finger does not flex it.
         let mut free_from = 1;
+        // Upper bound of the motion (m) of any point of the finger in one step.
+        let max_motion = rates.iter().sum::<f64>() * config.step * FINGER_REACH;
+        let mut free_steps = 0;
         while free_from < FINGER_DOF {
             let before = q;
             let mut moved = false;
@@ -63,13 +75,33 @@ pub fn close_hand(
             if !moved {
                 break;
             }
+            if free_steps > 0 {
+                free_steps -= 1;
+                continue;
+            }
             let kinematics = tree.forward_kinematics(&q);
+            let table = std::slice::from_ref(table);
+            let mut min_gap = MAX_QUERY_DISTANCE;
+            let above_table = (free_from..FINGER_DOF).rev().find(|joint| {
+                let body = first + joint + 1;
+                let gap = robot.body_distance(&kinematics, body, table, MAX_QUERY_DISTANCE)
+                    - config.table_clearance;
+                min_gap = min_gap.min(gap);
+                gap < 0.0
+            });
+            if let Some(joint) = above_table {
+                q = before;
+                free_from = joint + 1;
+                continue;
+            }
             // Joint i moves body i + 1.
             let touching = (free_from..FINGER_DOF).rev().find_map(|joint| {
                 let body = first + joint + 1;
                 let nearest = closest_points(robot, &kinematics, body, shapes)?;
+                min_gap = min_gap.min(nearest.distance - config.contact_distance);
                 (nearest.distance <= config.contact_distance).then_some((joint, body, nearest))
             });
+            free_steps = (f64::from(min_gap) / max_motion).max(0.0) as usize;
             if let Some((joint, body, nearest)) = touching {
                 if nearest.distance < 0.0 {
                     q = before;

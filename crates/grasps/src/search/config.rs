@@ -8,21 +8,29 @@ use crate::search::candidates::CandidateConfig;
 pub struct SearchConfig {
     /// Maximum number of candidate palm poses.
     pub max_candidates: usize,
-    /// The first stage stops at this many candidates with balanced forces.
+    /// Sampling stops at this many candidates with balanced forces.
     pub max_closed: usize,
-    /// Trials of these candidates stop at this many robust grasps.
+    /// Maximum number of candidates that are tested: first the motion into the grasp, then trials in physics. Half
+    /// turns of robust grasps are not counted.
+    pub max_tested: usize,
+    /// The search stops when this many tested candidates have added no object pose.
+    pub max_fruitless: usize,
+    /// The search stops at this many robust grasps.
     pub target_robust: usize,
-    /// Medoids of the most robust grasps. The search continues around these, then around their half turns.
-    pub num_refine_seeds: usize,
-    /// Maximum number of perturbed palm poses per medoid.
+    /// The search stops when robust grasps cover this fraction of the object poses that any closed candidate
+    /// covers. Above 1, coverage is ignored.
+    pub target_coverage: f64,
+    /// Maximum number of perturbed palm poses of a refinement.
     pub max_perturbations: usize,
-    /// Perturbation of a medoid stops at this many lifting grasps.
+    /// A refinement stops at this many lifting grasps.
     pub target_per_seed: usize,
     /// Maximum perturbation of the palm along each of its axes (m).
     pub palm_shift: f64,
     /// Maximum perturbation of the palm about each of its axes (rad).
     pub palm_turn: f64,
-    /// Number of perturbed repeats of a trial that lifted.
+    /// Number of perturbed repeats after which a grasp counts as robust for the time being.
+    pub num_screening_repeats: usize,
+    /// Number of perturbed repeats of a selected grasp.
     pub num_repeats: usize,
     /// Minimum number of repeats that must lift.
     pub min_repeat_successes: usize,
@@ -45,12 +53,15 @@ impl SearchConfig {
         Self {
             max_candidates: 60_000,
             max_closed: 250,
-            target_robust: 20,
-            num_refine_seeds: 6,
+            max_tested: 100,
+            max_fruitless: 16,
+            target_robust: 40,
+            target_coverage: 0.98,
             max_perturbations: 1500,
             target_per_seed: 5,
             palm_shift: 0.008,
             palm_turn: 0.1,
+            num_screening_repeats: 3,
             num_repeats: 10,
             min_repeat_successes: 7,
             object_shift: 0.015,
@@ -61,21 +72,27 @@ impl SearchConfig {
         }
     }
 
-    /// Three times as many closed candidates, robust grasps and medoids, for heavy objects, which few grasps
-    /// lift.
+    /// Many robust grasps, without regard to coverage, for [`robustness`](crate::search::robustness).
     pub fn thorough(robot: &RobotContext) -> Self {
-        Self { max_closed: 800, target_robust: 60, num_refine_seeds: 18, ..Self::paper(robot) }
+        Self {
+            max_closed: 800,
+            max_tested: 600,
+            max_fruitless: usize::MAX,
+            target_robust: 120,
+            target_coverage: f64::INFINITY,
+            ..Self::paper(robot)
+        }
     }
 
-    /// A few robust grasps in one or two clusters, for interactive use.
+    /// A few robust grasps, for interactive use.
     pub fn quick(robot: &RobotContext) -> Self {
         Self {
             max_candidates: 12_000,
-            max_closed: 60,
-            target_robust: 4,
-            num_refine_seeds: 1,
-            max_perturbations: 200,
-            target_per_seed: 2,
+            max_closed: 48,
+            max_tested: 40,
+            max_fruitless: 8,
+            target_robust: 8,
+            target_coverage: 0.9,
             num_repeats: 4,
             min_repeat_successes: 3,
             num_clusters: 3,
@@ -86,5 +103,10 @@ impl SearchConfig {
     /// For [`refine_around`](crate::search::refine_around): more robust grasps per palm pose, from fewer candidates.
     pub fn refinement(robot: &RobotContext) -> Self {
         Self { max_perturbations: 800, target_per_seed: 8, ..Self::paper(robot) }
+    }
+
+    /// Whether candidates are ranked by the poses that they add.
+    pub(crate) fn needs_coverage(&self) -> bool {
+        self.target_coverage <= 1.0
     }
 }

@@ -1,366 +1,521 @@
-//! Grasp search: many candidates; the best ones are tried in physics, perturbed, and clustered if robust.
+//! Grasp search: decides which candidates are closed and tried, until robust grasps cover the workspace.
+//!
+//! Sampling and trials alternate. A trial goes to the candidate that may add most object poses, repeats go to
+//! those that lifted. Only the selected grasps are tried in all repeats and shaken.
 
-use crate::plan::object_poses::{PlannedGrasp, coverage_poses, reachability};
+use crate::RobotContext;
 use crate::search::SearchConfig;
-use crate::search::candidates::{self, CandidateConfig, SearchTarget, evaluate_candidate};
-use crate::search::contact_forces::Squeeze;
-use crate::search::parallel;
-use crate::search::trial::{TrialOutcome, TrialProtocol};
-use crate::set::clusters::{self, ScoredGrasp, half_turn};
+use crate::search::candidate_pool::CandidatePool;
+use crate::search::candidates::{NearMiss, Rejections};
+use crate::search::task::{Region, Task, TaskResult};
+use crate::search::tested_candidate::TestedCandidate;
+use crate::search::tester::Trial;
+use crate::set::clusters::{self, HALF_TURN_TOLERANCE, ScoredGrasp, half_turn};
 use crate::set::grasp::Grasp;
-use crate::set::import::ImportedGrasp;
-use crate::set::k_medoids;
-use crate::{GraspSet, PlacedObject, RobotContext};
+use crate::set::grasp_set::GraspSet;
+use crate::set::k_medoids::palm_distance;
 use objects::object::Object;
-use progress::Progress;
-use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
 use robot::Isometry;
-use scene::SceneError;
 
-/// Stage of a search in its progress reports.
-pub const STAGE: &str = "grasps";
-
-/// Converts completed fractions (0..1) to reports in percent.
-fn report_fraction(progress: &dyn Progress) -> impl Fn(f32) {
-    |fraction| progress.update(STAGE, (100.0 * fraction) as usize, 100)
+/// A running search. It proposes batches of independent [`Task`]s and decides on their results; the caller
+/// executes them where it wants. [`search`](super::search) uses all cores, a page its workers.
+///
+/// The decisions depend on the results alone, so the number of threads or workers does not change the grasps.
+pub struct GraspSearch {
+    pool: CandidatePool,
+    stage: Stage,
+    /// Number of finished rounds of sampling; each samples twice as many closed candidates as the one before.
+    round: u32,
+    /// Whether there is nothing left to try.
+    is_exhausted: bool,
+    /// Number of covered poses, and of tested candidates when it last changed.
+    last_coverage: (usize, usize),
+    /// The best rejected candidates, best first.
+    near_misses: Vec<NearMiss>,
+    /// For each task of the current batch, what its result belongs to.
+    pending: Vec<Purpose>,
+    /// Candidates whose half turn has been sampled.
+    turned: Vec<usize>,
+    selected: Vec<Grasp>,
+    counts: SearchCounts,
 }
 
-/// State of a running search.
-pub(crate) struct Search<'a> {
-    pub(crate) robot: &'a RobotContext,
-    pub(crate) object: &'a Object,
-    at_origin: PlacedObject<'a>,
-    target: SearchTarget<'a>,
-    pub(crate) config: &'a SearchConfig,
-    /// Displacements of the object in the repeats, the same for every grasp: x, y (m), yaw (rad).
-    perturbations: Vec<[f32; 3]>,
-    seed: u64,
-    pub(crate) num_candidates: usize,
-    pub(crate) num_closed: usize,
-    pub(crate) num_tried: usize,
+/// Counts of a search so far.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct SearchCounts {
+    /// TestedCandidate palm poses.
+    pub candidates: usize,
+    /// Candidates with balanced contact forces.
+    pub closed: usize,
+    /// The other candidates.
+    pub rejections: Rejections,
+    /// Closed candidates without a motion into the grasp.
+    pub unapproachable: usize,
+    /// Closed candidates that were tried in physics.
+    pub tried: usize,
+    /// Tried grasps that lifted the object.
+    pub lifted: usize,
+    /// Grasps that also lifted it in repeats.
+    pub robust: usize,
+    /// Estimated completed fraction, 0 to 1; does not decrease.
+    pub fraction: f64,
 }
 
-/// Searches for grasps of `object`; also returns all robust grasps. `progress` receives percentages of the stage
-/// [`STAGE`].
-pub fn search(
-    robot: &RobotContext,
-    object: &Object,
-    config: &SearchConfig,
-    seed: u64,
-    progress: &dyn Progress,
-) -> Result<(GraspSet, Vec<ScoredGrasp>), SceneError> {
-    let progress = report_fraction(progress);
-    let mut search = Search::new(robot, object, config, seed);
-    let mut scored = search.search_globally(&mut |fraction| progress(0.5 * fraction))?;
-    for (round, is_turned) in [false, true].into_iter().enumerate() {
-        let progress = &mut |fraction| progress(0.5 + 0.2 * (round as f32 + fraction));
-        scored.extend(search.refine_best(&scored, is_turned, progress)?);
-    }
-    Ok(search.finish(scored))
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Stage {
+    Sampling,
+    Trying,
+    /// Determines the reach of robust grasps.
+    Reaching,
+    /// Selects grasps, and tries them in the missing repeats.
+    Confirming,
+    Finished,
 }
 
-/// Searches for robust grasps around a palm pose (object frame), as [`search`] does around its best grasps.
-pub fn refine_around(
-    robot: &RobotContext,
-    object: &Object,
-    config: &SearchConfig,
-    palm: Isometry,
-    seed: u64,
-) -> Result<Vec<ScoredGrasp>, SceneError> {
-    let mut search = Search::new(robot, object, config, seed);
-    let scored = search.refine_seeds(&[palm], &mut |_| ())?;
-    Ok(scored
-        .into_iter()
-        .filter(|found| found.repeat_successes >= config.min_repeat_successes)
-        .collect())
+#[derive(Clone, Copy, Debug)]
+enum Purpose {
+    /// Sample candidates, near the half turn of this one.
+    Sample {
+        counterpart_of: Option<usize>,
+    },
+    Try(usize, Trial),
+    Approach(usize),
+    Reach(usize),
 }
 
-/// Tries imported grasps as [`search`] tries its own candidates.
-pub fn try_imported(
-    robot: &RobotContext,
-    object: &Object,
-    config: &SearchConfig,
-    imported: &[ImportedGrasp],
-    seed: u64,
-    progress: &dyn Progress,
-) -> Result<(GraspSet, Vec<ScoredGrasp>), SceneError> {
-    let progress = report_fraction(progress);
-    let mut search = Search::new(robot, object, config, seed);
-    let rows: Vec<(usize, &ImportedGrasp)> = imported.iter().enumerate().collect();
-    let closed = parallel::map(&rows, |(i, row)| {
-        let proposal = row.candidate_config(&config.candidate);
-        search.close_at(row.object_from_palm, &proposal, &mut search.candidate_rng(*i))
-    });
-    let closed: Vec<Grasp> = closed.into_iter().flatten().map(|(grasp, _)| grasp).collect();
-    (search.num_candidates, search.num_closed) = (imported.len(), closed.len());
-    let mut scored = Vec::new();
-    for (i, batch) in closed.chunks(TRIAL_BATCH).enumerate() {
-        progress(0.9 * (i * TRIAL_BATCH) as f32 / closed.len() as f32);
-        scored.extend(search.score_grasps(batch)?);
-    }
-    Ok(search.finish(scored))
-}
+/// Number of closed candidates of the first round.
+const FIRST_ROUND: usize = 24;
 
-impl<'a> Search<'a> {
-    pub(crate) fn new(
-        robot: &'a RobotContext,
-        object: &'a Object,
-        config: &'a SearchConfig,
-        seed: u64,
-    ) -> Self {
-        let mut rng = ChaCha8Rng::seed_from_u64(seed);
-        let mut draw = |reach: f32| rng.random_range(-reach..=reach);
-        let [shift, turn] = [config.object_shift, config.object_turn];
-        let perturbations =
-            (0..config.num_repeats).map(|_| [draw(shift), draw(shift), draw(turn)]).collect();
+/// Number of candidates per closing task, of closing tasks per batch, and of trials per batch. Larger batches
+/// occupy more threads and waste more work.
+const CANDIDATES_PER_TASK: usize = 8;
+const CLOSINGS_PER_BATCH: usize = 8;
+const TRIALS_PER_BATCH: usize = 8;
+
+/// Number of closing tasks near the half turn of a robust grasp.
+const COUNTERPART_CLOSINGS: usize = 3;
+
+/// Sampling evolves where closed candidates are rare: among this many candidates, fewer than this share. Each batch
+/// then samples around the best near misses, and in some tasks everywhere.
+const MIN_SAMPLE: usize = 2000;
+const RARE: f64 = 0.005;
+const MAX_NEAR_MISSES: usize = 12;
+const NUM_EVERYWHERE: usize = 4;
+
+/// Share of the completed fraction that the trials before the confirmation get.
+const TRYING_SHARE: f64 = 0.75;
+
+impl GraspSearch {
+    /// Starts a search.
+    pub fn new(config: SearchConfig) -> Self {
         Self {
-            robot,
-            object,
-            at_origin: PlacedObject::at_origin(robot, object),
-            target: SearchTarget::new(object, &robot.config),
-            config,
-            perturbations,
-            seed,
-            num_candidates: 0,
-            num_closed: 0,
-            num_tried: 0,
+            pool: CandidatePool::new(config),
+            stage: Stage::Sampling,
+            round: 0,
+            is_exhausted: false,
+            last_coverage: (0, 0),
+            near_misses: Vec::new(),
+            pending: Vec::new(),
+            turned: Vec::new(),
+            selected: Vec::new(),
+            counts: SearchCounts::default(),
         }
     }
 
-    /// Filters the robust grasps and clusters them.
-    fn finish(&self, scored: Vec<ScoredGrasp>) -> (GraspSet, Vec<ScoredGrasp>) {
-        let num_lifted = scored.len();
-        let min = self.config.min_repeat_successes;
-        let robust: Vec<_> =
-            scored.into_iter().filter(|found| found.repeat_successes >= min).collect();
-        let grasps = self.clusters(&robust);
+    /// The next tasks, in a fixed order; empty when the search has ended. [`complete`](Self::complete) takes
+    /// their results.
+    pub fn next_batch(&mut self, robot: &RobotContext, object: &Object) -> Vec<Task> {
+        loop {
+            let batch = match self.stage {
+                Stage::Sampling => self.closing_batch(),
+                Stage::Trying => self.trial_batch(robot, object),
+                Stage::Reaching => self.reach_batch(),
+                Stage::Confirming => self.confirmation_batch(robot, object),
+                Stage::Finished => return Vec::new(),
+            };
+            if !batch.is_empty() {
+                let (pending, tasks) = batch.into_iter().unzip();
+                self.pending = pending;
+                return tasks;
+            }
+            self.stage = self.next_stage();
+        }
+    }
+
+    /// Takes the results of the current batch, in the order of its tasks.
+    ///
+    /// # Panics
+    /// A result belongs to another kind of task.
+    pub fn complete(&mut self, results: Vec<TaskResult>) {
+        for (purpose, result) in std::mem::take(&mut self.pending).into_iter().zip(results) {
+            match (purpose, result) {
+                (
+                    Purpose::Sample { counterpart_of },
+                    TaskResult::Closed { candidates, rejections, near_miss },
+                ) => {
+                    self.counts.rejections += rejections;
+                    self.counts.closed += candidates.len();
+                    let new =
+                        candidates.into_iter().map(|one| TestedCandidate::new(one, counterpart_of));
+                    self.pool.candidates.extend(new);
+                    self.near_misses.extend(near_miss);
+                }
+                (Purpose::Try(index, trial), TaskResult::Tried(result)) => {
+                    let candidate = &mut self.pool.candidates[index];
+                    candidate.yaw = result.map(|result| result.yaw);
+                    candidate.record(trial, result.and_then(|result| result.slip));
+                    if trial == Trial::Screening {
+                        self.counts.tried += usize::from(result.is_some());
+                        self.counts.lifted += usize::from(candidate.has_lifted());
+                    }
+                }
+                (Purpose::Approach(index), TaskResult::Approached(is_approachable)) => {
+                    self.pool.candidates[index].is_approachable = Some(is_approachable);
+                    self.counts.unapproachable += usize::from(!is_approachable);
+                }
+                (Purpose::Reach(index), TaskResult::Reached(reach)) => {
+                    self.pool.candidates[index].reach = Some(reach);
+                }
+                _ => panic!("the result of another task"),
+            }
+        }
+        self.near_misses.sort_by(|a, b| a.error.total_cmp(&b.error));
+        self.near_misses.truncate(MAX_NEAR_MISSES);
+        self.counts.robust = self.pool.robust().count();
+        let [covered, _] = self.pool.coverage();
+        // Coverage decreases when a robust grasp fails later.
+        if covered != self.last_coverage.0 {
+            self.last_coverage = (covered, self.pool.num_tested());
+        }
+        self.counts.fraction = self.counts.fraction.max(self.fraction());
+    }
+
+    /// Counts so far.
+    pub fn counts(&self) -> SearchCounts {
+        self.counts
+    }
+
+    /// Robust grasps so far, in the order in which they were sampled.
+    pub fn robust_grasps(&self) -> impl Iterator<Item = &Grasp> {
+        self.pool.robust().map(|(_, candidate)| &candidate.grasp)
+    }
+
+    /// The selected grasps, and all robust grasps with their scores.
+    pub fn finish(self) -> (GraspSet, Vec<ScoredGrasp>) {
+        let total = self.pool.config.num_repeats;
+        let robust = self.pool.robust().map(|(_, candidate)| candidate.scored(total)).collect();
+        let SearchCounts { candidates, closed, tried, lifted, robust: num_robust, .. } =
+            self.counts;
         let set = GraspSet {
-            grasps,
-            num_candidates: self.num_candidates,
-            num_closed: self.num_closed,
-            num_tried: self.num_tried,
-            num_lifted,
-            num_robust: robust.len(),
+            grasps: self.selected,
+            num_candidates: candidates,
+            num_closed: closed,
+            num_tried: tried,
+            num_lifted: lifted,
+            num_robust,
         };
         (set, robust)
     }
 
-    /// Samples palm poses all around the object and tries those with the strongest squeezes. Returns the
-    /// grasps that lift, scored in repeats.
-    fn search_globally(
-        &mut self,
-        progress: &mut dyn FnMut(f32),
-    ) -> Result<Vec<ScoredGrasp>, SceneError> {
-        let config = self.config;
-        let mut found = Vec::new();
-        while self.num_candidates < config.max_candidates && found.len() < config.max_closed {
-            let object = self.object;
-            let sample = |rng: &mut _| candidates::sample_palm(object, &config.candidate, rng);
-            let closed = self.close_batch(sample);
-            found.extend(closed);
-            let fraction = found.len() as f32 / config.max_closed as f32;
-            let fraction = fraction.max(self.num_candidates as f32 / config.max_candidates as f32);
-            progress(0.5 * fraction.min(1.0));
-        }
-        // At similar force margins, the grasp that covers more poses comes first.
-        let worth = parallel::map(&found, |(grasp, squeeze)| {
-            squeeze.force_margin.min(SUFFICIENT_FORCE_MARGIN) * self.coverage(grasp) as f64
-        });
-        let mut order: Vec<usize> = (0..found.len()).collect();
-        order.sort_by(|&a, &b| worth[b].total_cmp(&worth[a]));
-        let grasps: Vec<Grasp> = order.into_iter().map(|i| found[i].0.clone()).collect();
-        let mut scored: Vec<ScoredGrasp> = Vec::new();
-        for (i, batch) in grasps.chunks(TRIAL_BATCH).enumerate() {
-            progress(0.5 + 0.5 * (i * TRIAL_BATCH) as f32 / grasps.len() as f32);
-            scored.extend(self.score_grasps(batch)?);
-            let robust =
-                scored.iter().filter(|found| found.repeat_successes >= config.min_repeat_successes);
-            if robust.count() >= config.target_robust {
-                break;
+    /// The stage that follows one without tasks.
+    fn next_stage(&mut self) -> Stage {
+        match self.stage {
+            Stage::Sampling => Stage::Trying,
+            Stage::Trying if self.is_enough() => Stage::Reaching,
+            Stage::Trying if self.can_sample() && self.can_test() => {
+                self.round += 1;
+                Stage::Sampling
             }
+            Stage::Trying => {
+                self.is_exhausted = true;
+                Stage::Reaching
+            }
+            Stage::Reaching => Stage::Confirming,
+            // Selected grasps have failed in their repeats.
+            Stage::Confirming if !self.is_exhausted && !self.is_enough() => Stage::Trying,
+            Stage::Confirming | Stage::Finished => Stage::Finished,
         }
-        Ok(scored)
     }
 
-    /// Searches around the palm poses of the best grasps, or around their half turns.
-    fn refine_best(
+    /// Number of closed candidates at which a round of sampling ends.
+    fn round_target(&self) -> usize {
+        (FIRST_ROUND << self.round).min(self.pool.config.max_closed)
+    }
+
+    fn can_sample(&self) -> bool {
+        self.counts.candidates < self.pool.config.max_candidates
+            && self.round_target() < self.pool.config.max_closed
+    }
+
+    /// Whether another new candidate may be tested.
+    fn can_test(&self) -> bool {
+        self.pool.num_tested() < self.pool.config.max_tested
+    }
+
+    fn closing_batch(&mut self) -> Vec<(Purpose, Task)> {
+        let is_full = self.counts.closed >= self.round_target();
+        if is_full || self.counts.candidates >= self.pool.config.max_candidates {
+            return Vec::new();
+        }
+        let is_rare = self.counts.candidates >= MIN_SAMPLE
+            && (self.counts.closed as f64) < RARE * self.counts.candidates as f64;
+        if !is_rare {
+            return self.sample(CLOSINGS_PER_BATCH, None, &Region::Everywhere);
+        }
+        let near_misses: Vec<Isometry> =
+            self.near_misses.iter().map(|near_miss| near_miss.object_from_palm).collect();
+        let around = near_misses.into_iter().map(Region::Around);
+        let regions = around.chain(std::iter::repeat_n(Region::Everywhere, NUM_EVERYWHERE));
+        regions.flat_map(|region| self.sample(1, None, &region)).collect()
+    }
+
+    fn sample(
         &mut self,
-        scored: &[ScoredGrasp],
-        is_turned: bool,
-        progress: &mut dyn FnMut(f32),
-    ) -> Result<Vec<ScoredGrasp>, SceneError> {
-        let config = self.config;
-        let mut best: Vec<&ScoredGrasp> = scored.iter().collect();
-        best.sort_by_cached_key(|found| {
-            std::cmp::Reverse(found.score() * self.coverage(&found.grasp))
-        });
-        best.truncate(3 * config.num_refine_seeds);
-        let poses: Vec<_> = best.iter().map(|found| found.grasp.object_from_palm).collect();
-        let mut seeds: Vec<Isometry> =
-            k_medoids::k_medoids(poses.len(), config.num_refine_seeds, |a, b| {
-                k_medoids::palm_distance(&poses[a], &poses[b])
-            })
-            .into_iter()
-            .map(|i| poses[i])
+        num_tasks: usize,
+        counterpart_of: Option<usize>,
+        region: &Region,
+    ) -> Vec<(Purpose, Task)> {
+        let close = |_| {
+            let first = self.counts.candidates;
+            self.counts.candidates += CANDIDATES_PER_TASK;
+            let task = Task::Close { first, count: CANDIDATES_PER_TASK, region: region.clone() };
+            (Purpose::Sample { counterpart_of }, task)
+        };
+        (0..num_tasks).map(close).collect()
+    }
+
+    /// Next tests of the candidates in progress and of half turns; then the most valuable new candidates.
+    fn trial_batch(&mut self, robot: &RobotContext, object: &Object) -> Vec<(Purpose, Task)> {
+        let mut batch = self.missing_half_turns(robot, object);
+        for (index, candidate) in self.pool.candidates.iter().enumerate() {
+            if candidate.is_approachable == Some(true) && candidate.is_untried() {
+                batch.push(self.try_task(index, Trial::Screening));
+            } else if self.pool.is_promising(candidate) {
+                let missing = candidate.num_repeats()..self.pool.config.num_screening_repeats;
+                let missing = missing.map(Trial::ShortRepeat);
+                batch.extend(missing.map(|trial| self.try_task(index, trial)));
+            }
+        }
+        let counterparts = self.pool.counterparts_to_test(&self.turned);
+        batch.extend(counterparts.into_iter().map(|index| self.approach_task(index)));
+        if !self.is_enough() {
+            let count = TRIALS_PER_BATCH.saturating_sub(batch.len());
+            let new = self.pool.most_valuable(count);
+            batch.extend(new.into_iter().map(|index| self.approach_task(index)));
+        }
+        batch
+    }
+
+    fn approach_task(&self, index: usize) -> (Purpose, Task) {
+        let grasp = self.pool.candidates[index].grasp.clone();
+        (Purpose::Approach(index), Task::Approach { grasp })
+    }
+
+    fn try_task(&self, index: usize, trial: Trial) -> (Purpose, Task) {
+        let TestedCandidate { grasp, yaw, .. } = &self.pool.candidates[index];
+        (Purpose::Try(index, trial), Task::Try { grasp: grasp.clone(), yaw: *yaw, trial })
+    }
+
+    /// Samples near the half turns of robust grasps that have no counterpart.
+    fn missing_half_turns(
+        &mut self,
+        robot: &RobotContext,
+        object: &Object,
+    ) -> Vec<(Purpose, Task)> {
+        let palms: Vec<_> = self
+            .pool
+            .robust()
+            .map(|(index, candidate)| (index, candidate.grasp.object_from_palm))
             .collect();
-        if is_turned {
-            let hand = &self.robot.tree.hand;
-            seeds.iter_mut().for_each(|pose| *pose = half_turn(hand, self.object, pose));
-        }
-        self.refine_seeds(&seeds, progress)
-    }
-
-    /// Perturbs each of these palm poses. Returns the grasps that lift, scored in repeats.
-    fn refine_seeds(
-        &mut self,
-        seeds: &[Isometry],
-        progress: &mut dyn FnMut(f32),
-    ) -> Result<Vec<ScoredGrasp>, SceneError> {
-        let config = self.config;
-        let mut scored = Vec::new();
-        for (i, seed) in seeds.iter().enumerate() {
-            progress(i as f32 / seeds.len() as f32);
-            let (mut lifted, mut num_tries) = (Vec::new(), 0);
-            while num_tries < config.max_perturbations && lifted.len() < config.target_per_seed {
-                let (shift, turn) = (config.palm_shift, config.palm_turn);
-                let sample = |rng: &mut _| candidates::perturb_palm(seed, shift, turn, rng);
-                let closed = self.close_batch(sample);
-                num_tries += CLOSING_BATCH;
-                let grasps: Vec<Grasp> = closed.into_iter().map(|(grasp, _)| grasp).collect();
-                for batch in grasps.chunks(TRIAL_BATCH) {
-                    if lifted.len() < config.target_per_seed {
-                        lifted.extend(self.score_grasps(batch)?);
-                    }
-                }
+        let mut batch = Vec::new();
+        for (index, palm) in &palms {
+            let is_counterpart = self.pool.candidates[*index].counterpart_of.is_some();
+            if is_counterpart || self.turned.contains(index) {
+                continue;
             }
-            scored.extend(lifted);
-        }
-        Ok(scored)
-    }
-
-    /// Coverage of a grasp: the number of poses, of every fifth coverage pose, at which it is reachable.
-    fn coverage(&self, grasp: &Grasp) -> usize {
-        let few: Vec<_> = coverage_poses(self.robot).into_iter().step_by(5).collect();
-        reachability(&self.at_origin, &few, grasp)
-            .into_iter()
-            .filter(|is_within| *is_within)
-            .count()
-    }
-
-    /// Random generator of a candidate. Candidates are independent, so no result depends on the number of
-    /// threads.
-    pub(crate) fn candidate_rng(&self, index: usize) -> ChaCha8Rng {
-        let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
-        // Stream 0 has sampled the perturbations of the repeats.
-        rng.set_stream(1 + index as u64);
-        rng
-    }
-
-    /// Closes the hand at the palm poses of the next candidates, which `sample_palm` samples. Returns the
-    /// candidates that are not rejected, in order.
-    fn close_batch(
-        &mut self,
-        sample_palm: impl Fn(&mut ChaCha8Rng) -> Isometry + Send + Sync,
-    ) -> Vec<(Grasp, Squeeze)> {
-        let indices: Vec<usize> = (self.num_candidates..).take(CLOSING_BATCH).collect();
-        let closed = parallel::map(&indices, |&index| {
-            let mut rng = self.candidate_rng(index);
-            let palm = sample_palm(&mut rng);
-            self.close_at(palm, &self.config.candidate, &mut rng)
-        });
-        let closed: Vec<_> = closed.into_iter().flatten().collect();
-        self.num_candidates += CLOSING_BATCH;
-        self.num_closed += closed.len();
-        closed
-    }
-
-    /// Closes the hand at a palm pose; `None` if the candidate is rejected.
-    pub(crate) fn close_at(
-        &self,
-        palm: Isometry,
-        config: &CandidateConfig,
-        rng: &mut ChaCha8Rng,
-    ) -> Option<(Grasp, Squeeze)> {
-        evaluate_candidate(self.robot, &self.target, config, palm, rng).ok()
-    }
-
-    /// Tries each grasp at the object yaw that is easiest to reach. Returns the scores of those that lift, in
-    /// order.
-    pub(crate) fn score_grasps(
-        &mut self,
-        grasps: &[Grasp],
-    ) -> Result<Vec<ScoredGrasp>, SceneError> {
-        let results = parallel::map(grasps, |grasp| {
-            let planned = PlannedGrasp::plan_at_easiest_yaw(&self.at_origin, grasp)?;
-            planned.map(|planned| self.score_grasp(grasp, &planned)).transpose()
-        });
-        let mut scored = Vec::new();
-        for result in results {
-            if let Some(tried) = result? {
-                self.num_tried += 1;
-                scored.extend(tried);
+            self.turned.push(*index);
+            let turned = half_turn(&robot.tree.hand, object, palm);
+            if palms.iter().all(|(_, other)| palm_distance(&turned, other) > HALF_TURN_TOLERANCE) {
+                let region = Region::AroundHalfTurn(*palm);
+                batch.extend(self.sample(COUNTERPART_CLOSINGS, Some(*index), &region));
             }
         }
-        Ok(scored)
+        batch
     }
 
-    /// Tries a grasp, then in perturbed repeats and under shaking. `None` if the first trial fails; the repeats
-    /// stop when too many have failed.
-    fn score_grasp(
-        &self,
-        grasp: &Grasp,
-        planned: &PlannedGrasp,
-    ) -> Result<Option<ScoredGrasp>, SceneError> {
-        let mut found = ScoredGrasp { grasp: grasp.clone(), repeat_successes: 0, shake_slip: None };
-        let unperturbed = [0.0; 3];
-        if !self.lifts(planned, unperturbed, TrialProtocol::SHORT)? {
-            return Ok(None);
+    /// Reach of the robust grasps.
+    fn reach_batch(&self) -> Vec<(Purpose, Task)> {
+        let unknown = self.pool.robust().filter(|(_, candidate)| candidate.reach.is_none());
+        let reach = |(index, candidate): (usize, &TestedCandidate)| {
+            (Purpose::Reach(index), Task::Reach { grasp: candidate.grasp.clone() })
+        };
+        unknown.map(reach).collect()
+    }
+
+    /// Selects grasps. Returns their missing repeats.
+    fn confirmation_batch(
+        &mut self,
+        robot: &RobotContext,
+        object: &Object,
+    ) -> Vec<(Purpose, Task)> {
+        let (total, min_successes) =
+            (self.pool.config.num_repeats, self.pool.config.min_repeat_successes);
+        let (indices, scored): (Vec<usize>, Vec<ScoredGrasp>) =
+            self.pool.robust().map(|(index, candidate)| (index, candidate.scored(total))).unzip();
+        let reach: Vec<Vec<bool>> =
+            indices.iter().filter_map(|&index| self.pool.candidates[index].reach.clone()).collect();
+        let (hand, count) = (&robot.tree.hand, self.pool.config.num_clusters);
+        let selected = clusters::cluster_grasps(hand, object, &scored, &reach, count);
+        let this = &*self;
+        let missing = |&(_, selected): &(usize, usize)| {
+            let index = indices[selected];
+            let candidate = &self.pool.candidates[index];
+            let trials = candidate.missing_trials(min_successes).into_iter();
+            trials.map(|trial| this.try_task(index, trial)).collect::<Vec<_>>()
+        };
+        let batch: Vec<_> = selected.iter().flat_map(missing).collect();
+        let grasp = |&(cluster, selected): &(usize, usize)| Grasp {
+            cluster,
+            ..scored[selected].grasp.clone()
+        };
+        self.selected = selected.iter().map(grasp).collect();
+        batch
+    }
+
+    fn is_enough(&self) -> bool {
+        let num_fruitless = self.pool.num_tested() - self.last_coverage.1;
+        let is_fruitless =
+            self.last_coverage.0 > 0 && num_fruitless >= self.pool.config.max_fruitless;
+        if is_fruitless || self.counts.robust >= self.pool.config.target_robust {
+            return true;
         }
-        let config = self.config;
-        let mut num_failed = 0;
-        for perturbation in &self.perturbations {
-            let lifts = self.lifts(planned, *perturbation, TrialProtocol::SHORT)?;
-            num_failed += usize::from(!lifts);
-            if num_failed + config.min_repeat_successes > config.num_repeats {
-                return Ok(Some(found));
+        let [covered, coverable] = self.pool.coverage();
+        self.counts.robust > 0
+            && covered as f64 >= self.pool.config.target_coverage * coverable as f64
+    }
+
+    fn fraction(&self) -> f64 {
+        let share = |count: usize, total: usize| (count as f64 / total.max(1) as f64).min(1.0);
+        match self.stage {
+            Stage::Sampling | Stage::Trying => {
+                let [covered, coverable] = self.pool.coverage();
+                let goals = [
+                    share(covered, coverable),
+                    share(self.counts.robust, self.pool.config.target_robust),
+                    share(self.pool.num_tested(), self.pool.config.max_tested),
+                    share(self.counts.candidates, self.pool.config.max_candidates),
+                ];
+                TRYING_SHARE * goals.into_iter().fold(0.0, f64::max)
             }
+            Stage::Reaching => TRYING_SHARE,
+            Stage::Confirming => 0.5 + 0.5 * TRYING_SHARE,
+            Stage::Finished => 1.0,
         }
-        found.repeat_successes = config.num_repeats - num_failed;
-        let outcome = planned.try_perturbed(unperturbed, SHAKE_TRIAL)?;
-        if let TrialOutcome::Lifted { slip } = outcome {
-            found.shake_slip = Some(slip);
-        }
-        Ok(Some(found))
-    }
-
-    /// Clusters the robust grasps.
-    fn clusters(&self, robust: &[ScoredGrasp]) -> Vec<Grasp> {
-        let poses = coverage_poses(self.robot);
-        let reach_of = |found: &ScoredGrasp| reachability(&self.at_origin, &poses, &found.grasp);
-        let reach = parallel::map(robust, reach_of);
-        let (hand, count) = (&self.robot.tree.hand, self.config.num_clusters);
-        clusters::cluster_grasps(hand, self.object, robust, &reach, count)
-    }
-
-    fn lifts(
-        &self,
-        planned: &PlannedGrasp,
-        perturbation: [f32; 3],
-        protocol: TrialProtocol,
-    ) -> Result<bool, SceneError> {
-        let outcome = planned.try_perturbed(perturbation, protocol)?;
-        Ok(matches!(outcome, TrialOutcome::Lifted { slip } if slip <= self.config.max_slip))
     }
 }
 
-/// A short hold, then shaking.
-const SHAKE_TRIAL: TrialProtocol = TrialProtocol { is_shaken: true, ..TrialProtocol::SHORT };
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::plan::object_poses::NUM_COVERAGE_POSES;
+    use crate::search::task::{ClosedCandidate, SPARSE_STEP, TrialResult};
 
-/// Number of candidates that are closed, and of grasps that are tried, before the search decides how to
-/// continue. A larger batch occupies more threads and wastes more work.
-const CLOSING_BATCH: usize = 16;
-const TRIAL_BATCH: usize = 4;
+    const NUM_SPARSE: usize = NUM_COVERAGE_POSES / SPARSE_STEP;
 
-/// Force margin above which stronger squeezes rank equal.
-const SUFFICIENT_FORCE_MARGIN: f64 = 2.0;
+    /// Index of the first candidate of the task that closed this grasp.
+    fn id(grasp: &Grasp) -> usize {
+        (grasp.object_from_palm.translation.x / 0.1).round() as usize
+    }
+
+    /// Result of a task without physics: each closing task finds one grasp that reaches a twentieth of the poses.
+    /// `holds` decides on the trials.
+    fn execute(task: &Task, holds: &dyn Fn(usize, Trial) -> bool) -> TaskResult {
+        let reaches =
+            |id: usize, pose: usize| pose % NUM_SPARSE == (id / CANDIDATES_PER_TASK) % NUM_SPARSE;
+        match task {
+            Task::Close { first, .. } => {
+                let hand = [0.0; robot::HAND_DOF];
+                let object_from_palm = Isometry::translation(0.1 * *first as f64, 0.0, 0.2);
+                let grasp = Grasp {
+                    cluster: 0,
+                    object_from_palm,
+                    pregrasp: hand,
+                    grasp: hand,
+                    squeeze: hand,
+                };
+                let sparse_reach = (0..NUM_SPARSE).map(|pose| reaches(*first, pose)).collect();
+                let candidates = vec![ClosedCandidate { grasp, force_margin: 1.0, sparse_reach }];
+                TaskResult::Closed {
+                    candidates,
+                    rejections: Rejections::default(),
+                    near_miss: None,
+                }
+            }
+            Task::Approach { .. } => TaskResult::Approached(true),
+            Task::Try { grasp, trial, .. } => {
+                let slip = holds(id(grasp), *trial).then_some(0.001);
+                TaskResult::Tried(Some(TrialResult { yaw: 0, slip }))
+            }
+            Task::Reach { grasp } => TaskResult::Reached(
+                (0..NUM_COVERAGE_POSES).map(|pose| reaches(id(grasp), pose)).collect(),
+            ),
+        }
+    }
+
+    /// Runs a search to its end. Returns the result, and the counts after each batch.
+    fn run(
+        config: SearchConfig,
+        holds: &dyn Fn(usize, Trial) -> bool,
+    ) -> (GraspSet, Vec<SearchCounts>) {
+        let robot = RobotContext::standard().unwrap();
+        let object = Object::from_catalog("sugar_box").unwrap();
+        let (mut search, mut counts) = (GraspSearch::new(config), Vec::new());
+        loop {
+            let batch = search.next_batch(&robot, &object);
+            if batch.is_empty() {
+                return (search.finish().0, counts);
+            }
+            // Tasks and results pass through bytes, as between the workers of a page.
+            let through_bytes = |task: &Task| {
+                let result = execute(&Task::from_bytes(&task.to_bytes()).unwrap(), holds);
+                TaskResult::from_bytes(&result.to_bytes()).unwrap()
+            };
+            search.complete(batch.iter().map(through_bytes).collect());
+            counts.push(search.counts());
+        }
+    }
+
+    fn config() -> SearchConfig {
+        SearchConfig::paper(&RobotContext::standard().unwrap())
+    }
+
+    #[test]
+    fn search_ends_when_robust_grasps_cover_all_reachable_poses() {
+        let (set, counts) = run(config(), &|_, _| true);
+        // A grasp for each pose, and the counterparts of some.
+        assert!((NUM_SPARSE..=2 * NUM_SPARSE).contains(&set.num_robust), "{set:?}");
+        assert!(set.num_tried < set.num_closed, "{set:?}");
+        assert!(set.grasps.len() >= 2 && set.grasps.is_sorted_by_key(|grasp| grasp.cluster));
+        assert!(counts.is_sorted_by_key(|counts| counts.fraction), "{counts:?}");
+        assert!(counts.iter().all(|counts| (0.0..=1.0).contains(&counts.fraction)));
+    }
+
+    #[test]
+    fn search_without_success_ends_at_its_limit() {
+        let config = SearchConfig { max_tested: 30, ..config() };
+        let (set, _) = run(config.clone(), &|_, _| false);
+        assert!(set.grasps.is_empty() && set.num_robust == 0, "{set:?}");
+        assert_eq!(set.num_tried, 30);
+        // Repeats are as necessary as the first trial.
+        let (set, _) = run(config, &|_, trial| trial == Trial::Screening);
+        assert_eq!((set.num_lifted, set.num_robust), (30, 0), "{set:?}");
+    }
+
+    #[test]
+    fn grasp_that_fails_the_full_lift_is_replaced() {
+        let is_bad = |id: usize| (id / CANDIDATES_PER_TASK).is_multiple_of(2);
+        let (set, _) = run(config(), &|id, trial| trial != Trial::Lift || !is_bad(id));
+        assert!(!set.grasps.is_empty());
+        assert!(set.grasps.iter().all(|grasp| !is_bad(id(grasp))), "{set:?}");
+    }
+}

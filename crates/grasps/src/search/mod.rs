@@ -1,16 +1,23 @@
 //! Search for grasps: candidates, kinematic closing, balance of contact forces, trials in physics.
 
+mod candidate_pool;
 pub mod candidates;
 pub mod closing;
 mod config;
 pub mod contact_forces;
 mod grasp_search;
 mod palm_transfer;
-mod parallel;
+pub(crate) mod parallel;
 pub mod robustness;
+mod run;
+mod task;
+mod tested_candidate;
+mod tester;
 pub mod transfer;
 pub mod trial;
 
 pub use config::SearchConfig;
-pub(crate) use grasp_search::Search;
-pub use grasp_search::{STAGE, refine_around, search, try_imported};
+pub use grasp_search::{GraspSearch, SearchCounts};
+pub use run::{STAGE, refine_around, search, try_imported};
+pub use task::{ClosedCandidate, Region, Task, TaskResult, TrialResult};
+pub use tester::{GraspTester, Trial};

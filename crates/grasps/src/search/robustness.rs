@@ -171,12 +171,29 @@ pub fn covered_poses(
     let at_origin = PlacedObject::at_origin(robot, object);
     let is_covered = |pose| {
         let placed = at_origin.at_pose(pose);
-        let Some(posture) = placed.plan(grasp) else { return Ok(false) };
-        let lift = lift::plan_from_grasp(&placed, &posture)?;
-        let rises = lift.is_some_and(|lift| lift::reaches_hold_height(robot, &lift));
-        Ok(rises && has_approach(&placed, &posture))
+        placed.plan(grasp).map_or(Ok(false), |posture| has_motion(&placed, &posture))
     };
     coverage_poses(robot).iter().map(is_covered).collect()
+}
+
+/// Whether the arm can lift from a grasp, and a motion into it is found.
+fn has_motion(placed: &PlacedObject, posture: &Posture) -> Result<bool, SceneError> {
+    Ok(can_lift(placed, posture)? && has_approach(placed, posture))
+}
+
+/// As [`covered_poses`] for one pose, but with one attempt at the motion: a tenth of the time where none is
+/// found.
+pub(super) fn has_direct_motion(
+    placed: &PlacedObject,
+    posture: &Posture,
+) -> Result<bool, SceneError> {
+    let config = TrajectoryConfig { max_restarts: 0, ..TrajectoryConfig::standard() };
+    Ok(has_approach_with(placed, posture, 1, &config) && can_lift(placed, posture)?)
+}
+
+fn can_lift(placed: &PlacedObject, posture: &Posture) -> Result<bool, SceneError> {
+    let lift = lift::plan_from_grasp(placed, posture)?;
+    Ok(lift.is_some_and(|lift| lift::reaches_hold_height(placed.robot, &lift)))
 }
 
 /// Whether a motion into a grasp is found at the object yaw that is easiest to reach.
@@ -192,15 +209,23 @@ pub(crate) fn is_approachable(
 
 /// Whether a motion into a grasp is found from one of a few random pregrasp poses.
 fn has_approach(placed: &PlacedObject, posture: &Posture) -> bool {
+    has_approach_with(placed, posture, NUM_APPROACHES, &TrajectoryConfig::standard())
+}
+
+fn has_approach_with(
+    placed: &PlacedObject,
+    posture: &Posture,
+    num_approaches: usize,
+    config: &TrajectoryConfig,
+) -> bool {
     let PlacedObject { robot, object, world_from_object, .. } = placed;
     let palm = robot.tree.forward_kinematics(&posture.grasp).palm_pose();
     let bounds = &object.bounds;
-    let config = TrajectoryConfig::standard();
     let mut rng = ChaCha8Rng::seed_from_u64(78);
-    (0..NUM_APPROACHES).any(|_| {
+    (0..num_approaches).any(|_| {
         let above =
             demonstration::sample_pregrasp_pose(robot, bounds, world_from_object, &palm, &mut rng);
-        demonstration::demonstrate(placed, posture, &above, &config).is_ok()
+        demonstration::demonstrate(placed, posture, &above, config).is_ok()
     })
 }
 

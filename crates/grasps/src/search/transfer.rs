@@ -7,7 +7,7 @@
 use crate::search::candidates::CandidateConfig;
 use crate::search::palm_transfer::{MAX_TRIES, perturbed_palm, transfer_palm};
 use crate::search::robustness;
-use crate::search::{Search, SearchConfig};
+use crate::search::{GraspTester, SearchConfig};
 use crate::set::clusters::{ScoredGrasp, half_turn};
 use crate::set::grasp::Grasp;
 use crate::set::k_medoids;
@@ -39,9 +39,18 @@ pub fn transfer(
     config: &SearchConfig,
     seed: u64,
 ) -> Result<GraspSet, SceneError> {
-    let search = Search::new(robot, object, config, seed);
     let is_curated = set.is_curated();
-    let mut tries = TransferSearch { search, is_curated, num_lifted: 0, num_robust: 0 };
+    let tester = GraspTester::new(robot, object, config, seed);
+    let grasps = Vec::new();
+    let counts = GraspSet {
+        grasps,
+        num_candidates: 0,
+        num_closed: 0,
+        num_tried: 0,
+        num_lifted: 0,
+        num_robust: 0,
+    };
+    let mut tries = TransferSearch { tester, is_curated, counts };
     let mut found = Vec::new();
     for grasp in &set.grasps {
         let palm = transfer_palm(robot, from, variant, grasp);
@@ -54,25 +63,22 @@ pub fn transfer(
             found[i] = tries.find_near(&palm, grasp)?;
         }
     }
-    let TransferSearch { search, num_lifted, num_robust, .. } = tries;
-    let Search { num_candidates, num_closed, num_tried, .. } = search;
-    let grasps = found.into_iter().flatten().collect();
-    Ok(GraspSet { grasps, num_candidates, num_closed, num_tried, num_lifted, num_robust })
+    Ok(GraspSet { grasps: found.into_iter().flatten().collect(), ..tries.counts })
 }
 
 /// A search for transferred grasps on one object, with its counts.
 struct TransferSearch<'a> {
-    search: Search<'a>,
+    tester: GraspTester<'a>,
     /// Whether grasps must be robust to hand pose error.
     is_curated: bool,
-    num_lifted: usize,
-    num_robust: usize,
+    /// Counts, without grasps.
+    counts: GraspSet,
 }
 
 impl TransferSearch<'_> {
     /// Searches for a grasp near the palm pose `palm`, with the pregrasp posture and the cluster of `grasp`.
     fn find_near(&mut self, palm: &Isometry, grasp: &Grasp) -> Result<Option<Grasp>, SceneError> {
-        let (robot, object, config) = (self.search.robot, self.search.object, self.search.config);
+        let GraspTester { robot, object, config, .. } = self.tester;
         let enough = if self.is_curated { 2 * ENOUGH_ROBUST } else { ENOUGH_ROBUST };
         let proposal = CandidateConfig { pregrasp: grasp.pregrasp, ..config.candidate.clone() };
         let mut found: Vec<ScoredGrasp> = Vec::new();
@@ -81,19 +87,21 @@ impl TransferSearch<'_> {
                 break;
             }
             let perturbation = (config.palm_shift, config.palm_turn);
-            let mut rng = self.search.candidate_rng(self.search.num_candidates);
+            let mut rng = self.tester.candidate_rng(self.counts.num_candidates);
             let pose = perturbed_palm(palm, index, perturbation, &mut rng);
-            self.search.num_candidates += 1;
-            let Some((closed, _)) = self.search.close_at(pose, &proposal, &mut rng) else {
+            self.counts.num_candidates += 1;
+            let Ok((closed, _)) = self.tester.close_at(pose, &proposal, &mut rng) else {
                 continue;
             };
-            self.search.num_closed += 1;
-            let scored = self.search.score_grasps(&[closed])?;
-            self.num_lifted += scored.len();
+            self.counts.num_closed += 1;
+            let tried = self.tester.score_grasps(&[closed])?;
+            self.counts.num_tried += tried.len();
+            let scored = tried.into_iter().flatten();
             let min = config.min_repeat_successes;
-            found.extend(scored.into_iter().filter(|found| found.repeat_successes >= min));
+            self.counts.num_lifted += scored.clone().count();
+            found.extend(scored.filter(|found| found.repeat_successes >= min));
         }
-        self.num_robust += found.len();
+        self.counts.num_robust += found.len();
         let far =
             |scored: &ScoredGrasp| k_medoids::palm_distance(palm, &scored.grasp.object_from_palm);
         found.sort_by(|a, b| far(a).total_cmp(&far(b)));

@@ -65,9 +65,15 @@ impl ScoredGrasp {
 /// Repeats that a grasp without slip under shaking scores in addition.
 const SHAKE_BONUS: f32 = 10.0;
 /// Slip (m) under shaking that scores as a lost object.
-const MAX_SHAKE_SLIP: f32 = 0.02;
+pub(crate) const MAX_SHAKE_SLIP: f32 = 0.02;
 
-/// Clusters robust grasps into up to `count` clusters and numbers them.
+/// Clusters are selected until they cover this fraction of the poses that any robust grasp covers. The second cluster
+/// is selected in any case: the motion into a grasp of the first may not be found.
+const SUFFICIENT_COVERAGE: f64 = 0.98;
+const MIN_CLUSTERS: usize = 2;
+
+/// Clusters robust grasps into up to `count` clusters and selects one or two grasps of each. Returns the number
+/// of the cluster and the index of the grasp, in order of the clusters.
 ///
 /// `reach[i][p]`: whether grasp `i` is reachable at object pose `p`. The first cluster covers the most object
 /// poses, weighted by its score; each next one covers the most of the remaining poses. Clusters are tried in
@@ -78,7 +84,7 @@ pub fn cluster_grasps(
     robust: &[ScoredGrasp],
     reach: &[Vec<bool>],
     count: usize,
-) -> Vec<Grasp> {
+) -> Vec<(usize, usize)> {
     let poses: Vec<_> = robust.iter().map(|found| found.grasp.object_from_palm).collect();
     let turned: Vec<_> = poses.iter().map(|pose| half_turn(hand, object, pose)).collect();
     let symmetric_distance = |a: usize, b: usize| {
@@ -95,7 +101,9 @@ pub fn cluster_grasps(
     let mut free: Vec<usize> = (0..poses.len()).collect();
     let mut clusters = medoids.clone();
     let mut is_covered = vec![false; reach.first().map_or(0, Vec::len)];
-    let mut grasps = Vec::new();
+    let num_coverable =
+        (0..is_covered.len()).filter(|&pose| reach.iter().any(|reach| reach[pose])).count();
+    let mut selected = Vec::new();
     while !clusters.is_empty() {
         // All grasps of the remaining clusters, each with its half-turn counterpart.
         let pairs = free.iter().filter(|&&i| cluster_of(i).is_some_and(|m| clusters.contains(&m)));
@@ -115,17 +123,22 @@ pub fn cluster_grasps(
         // Ties select the first.
         let best = pairs.rev().max_by_key(gain);
         let Some(best) = best else { break };
+        let num_covered = is_covered.iter().filter(|covered| **covered).count();
+        let is_enough = num_covered as f64 >= SUFFICIENT_COVERAGE * num_coverable as f64;
+        if is_enough && clusters.len() + MIN_CLUSTERS <= medoids.len() {
+            break;
+        }
         for (pose, is_covered) in is_covered.iter_mut().enumerate() {
             *is_covered |= covers(&best, pose);
         }
         let cluster = medoids.len() - clusters.len();
         for side in [Some(best.0), best.1].into_iter().flatten() {
-            grasps.push(Grasp { cluster, ..robust[side].grasp.clone() });
+            selected.push((cluster, side));
             free.retain(|&i| i != side);
         }
         clusters.retain(|&m| Some(m) != cluster_of(best.0));
     }
-    grasps
+    selected
 }
 
 #[cfg(test)]
@@ -181,10 +194,8 @@ mod tests {
             vec![true, true, false, false, false],
             vec![false, false, true, true, false],
         ];
-        let grasps = cluster_grasps(hand, &object, &robust, &reach, 2);
-        let places: Vec<(usize, f64)> =
-            grasps.iter().map(|g| (g.cluster, g.object_from_palm.translation.x)).collect();
-        assert_eq!(places, [(0, 0.005), (0, top.translation.x), (1, 0.2)]);
+        let selected = cluster_grasps(hand, &object, &robust, &reach, 2);
+        assert_eq!(selected, [(0, 2), (0, 3), (1, 0)]);
         assert!(cluster_grasps(hand, &object, &[], &[], 7).is_empty());
     }
 }

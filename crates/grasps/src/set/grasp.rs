@@ -33,6 +33,20 @@ pub struct Posture {
 }
 
 impl Grasp {
+    /// The grasp as bytes, for a worker that shares no memory.
+    pub fn to_bytes(&self) -> Vec<u8> {
+        // Only sequences of unknown length fail.
+        postcard::to_allocvec(self).unwrap_or_default()
+    }
+
+    /// Inverse of [`Grasp::to_bytes`].
+    ///
+    /// # Errors
+    /// The bytes are not a grasp of this version.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self, postcard::Error> {
+        postcard::from_bytes(bytes)
+    }
+
     /// Solves inverse kinematics from `nominal` for the grasp on an object at `world_from_object`.
     pub fn posture(
         &self,

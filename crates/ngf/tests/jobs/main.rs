@@ -259,6 +259,20 @@ fn mesh_job_writes_convex_parts() {
 }
 
 #[test]
+fn grasp_search_job_writes_grasps() {
+    let folder = tempfile::tempdir().unwrap();
+    let server = Server::start(&folder.path().join("data"));
+    let params = json!({ "object": "sugar_box", "effort": "quick" });
+    let id = server.create_job("grasps.search", params);
+    server.wait_for(&id, "succeeded");
+    let outputs = job_outputs(&server, &id);
+    let (_, hash) = outputs.iter().find(|(name, _)| name == "grasps.json").unwrap();
+    let mut file = ureq::get(format!("{}/api/v1/artifacts/{hash}", server.url)).call().unwrap();
+    let set: Value = file.body_mut().read_json().unwrap();
+    assert!(!set["grasps"].as_array().unwrap().is_empty(), "{set}");
+}
+
+#[test]
 fn job_outputs_can_be_inspected() {
     let folder = tempfile::tempdir().unwrap();
     let server = Server::start(&folder.path().join("data"));

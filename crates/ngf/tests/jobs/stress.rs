@@ -29,6 +29,7 @@ fn tasks(server: &Server) -> Vec<(&'static str, Value)> {
         ("encoder.train", encoder),
         ("policy.train", policy),
         ("policy.evaluate", evaluation),
+        ("grasps.search", json!({ "object": "sugar_box", "effort": "quick" })),
         ("mesh.prepare", json!({ "mesh_id": server.upload(&tetrahedron(0.1)) })),
     ]
 }

@@ -8,6 +8,7 @@ mod command_line;
 mod cost;
 mod dataset_generate;
 mod encoder_train;
+mod grasps_search;
 pub(crate) mod mesh_options;
 mod mesh_prepare;
 mod object_params;
@@ -40,6 +41,8 @@ table::job_kinds! {
     PolicyTrain = "policy.train", "Train policy" => policy_train::PolicyParams;
     /// Evaluates a policy: grasp attempts by the protocol.
     PolicyEvaluate = "policy.evaluate", "Evaluate policy" => policy_evaluate::EvaluationParams;
+    /// Searches for grasps of an object in simulation.
+    GraspsSearch = "grasps.search", "Search grasps" => grasps_search::GraspSearchParams;
     /// Inspects a mesh and decomposes it into convex parts.
     MeshPrepare = "mesh.prepare", "Inspect mesh" => mesh_prepare::MeshParams;
 }
@@ -119,6 +122,7 @@ mod tests {
             (Kind::EncoderTrain, json!({ "dataset_id": "ds_1" })),
             (Kind::PolicyTrain, json!({ "dataset_id": "ds_1", "encoder_id": "mdl_1" })),
             (Kind::PolicyEvaluate, json!({ "model_id": "mdl_1", "object": "bleach" })),
+            (Kind::GraspsSearch, json!({ "object": "bleach", "effort": "quick" })),
             (Kind::MeshPrepare, json!({ "mesh_id": "msh_1" })),
         ];
         for (kind, given) in cases {
@@ -153,6 +157,8 @@ mod tests {
             (Kind::MeshPrepare, json!({}), "mesh_id"),
             (Kind::MeshPrepare, json!({ "mesh_id": "msh_1", "size_m": 0.0 }), "size_m"),
             (Kind::PolicyEvaluate, json!({ "model_id": "x", "object": "bleach", "up": "y" }), "up"),
+            (Kind::GraspsSearch, json!({ "object": "bleach", "effort": "huge" }), "effort"),
+            (Kind::GraspsSearch, json!({}), "object"),
             (Kind::EncoderTrain, json!({}), "dataset_id"),
             (Kind::EncoderTrain, json!({ "dataset_id": "x", "steps": 0 }), "steps"),
             (
