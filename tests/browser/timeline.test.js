@@ -244,7 +244,9 @@ test("grasp search without a policy finds and plays a grasp of an uploaded mesh"
   await page.click("#search");
   await page.waitForFunction(() => document.getElementById("search-status").textContent === "Stopped.");
   await page.click("#search");
-  await page.waitForFunction(() => /\d robust\.$/.test(document.getElementById("search-status").textContent));
+  // Counts, rate and remaining time are shown.
+  await page.waitForFunction(() => /^\d+ grasps tried \(\d/.test(document.getElementById("search-status").textContent));
+  await page.waitForFunction(() => /\d selected/.test(document.getElementById("search-status").textContent));
   await page.selectOption("#speed", "4");
   await page.waitForSelector("[data-phase=outcome].is-now");
   assert.equal(await page.textContent("#headline"), "Lifted and held.");
@@ -252,6 +254,11 @@ test("grasp search without a policy finds and plays a grasp of an uploaded mesh"
   assert.match(await page.textContent("#share-hint"), /only attempts of a policy/);
   assert.equal(await page.textContent("#tally"), "No attempts with this object yet");
   await screenshot(page, "search");
+  // Each grasp can be played.
+  await page.click("#search-grasps button");
+  await page.waitForSelector("[data-phase=outcome]:not(.is-now)");
+  await page.waitForSelector("[data-phase=outcome].is-now");
+  assert.match(await page.textContent("#headline"), /^(Lifted and held|Out of reach)/);
   assert.deepEqual(errors, []);
   await page.close();
 });

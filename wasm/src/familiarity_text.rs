@@ -24,7 +24,7 @@ pub(crate) fn describe(likeness: &Familiarity) -> String {
     let closest = likeness.nearest.as_ref().map(|nearest| {
         format!(
             " (closest: {}, latent distance {:.1})",
-            display_name(nearest.base_name()).to_lowercase(),
+            display_name(nearest.base_name()).to_ascii_lowercase(),
             nearest.distance
         )
     });

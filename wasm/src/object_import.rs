@@ -35,9 +35,11 @@ pub(crate) fn built_in_names() -> impl Iterator<Item = &'static str> {
 
 /// Display name: "Sugar box" for `sugar_box`.
 pub(crate) fn display_name(name: &str) -> String {
-    let spaced = name.replace('_', " ");
-    let mut letters = spaced.chars();
-    letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
+    let mut spaced = name.replace('_', " ");
+    if let Some(first) = spaced.get_mut(..1) {
+        first.make_ascii_uppercase();
+    }
+    spaced
 }
 
 /// Loads a built-in object.

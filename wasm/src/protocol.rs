@@ -11,7 +11,7 @@ mod typescript;
 pub(crate) use event::{
     AttemptFinished, BuiltIn, Cloud, DepthCamera, Event, Failure, Frame, GraspsFound, Joint, Link,
     Model, ObjectInfo, ObjectLoaded, Outcome, Phase, PlaybackInfo, Progress, ProgressUnit, Ready,
-    Rectangle, SavedFile, Shape, Table,
+    Rectangle, SavedFile, SearchBatch, Shape, Table,
 };
 pub(crate) use request::Request;
 pub(crate) use telemetry::TelemetrySample;

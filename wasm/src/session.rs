@@ -2,6 +2,7 @@
 
 mod attempts;
 mod frames;
+mod grasp_search;
 mod playback;
 
 pub(crate) use attempts::start_failure;
@@ -17,6 +18,7 @@ use crate::protocol::{
 use crate::robot_visuals;
 use crate::statistics::{AttemptStatistics, Tally};
 use geometry::Vec3;
+use grasps::search::GraspSearch;
 use rollout::{Attempt, RolloutContext};
 use scene::config::CONTROL_DT;
 use scene::scene_hash;
@@ -42,6 +44,8 @@ pub(crate) struct Session {
     streams_telemetry: bool,
     /// Whether the outcome has been posted.
     is_outcome_posted: bool,
+    /// Search for grasps of the current object, while it runs.
+    search: Option<GraspSearch>,
     /// Replayed file or grasp search of the current attempt.
     playback: Option<PlaybackInfo>,
     seed: u32,
@@ -74,6 +78,7 @@ impl Session {
             streams_telemetry: false,
             is_outcome_posted: false,
             settle_ticks: 0,
+            search: None,
             playback: None,
             seed: 0,
             statistics: BTreeMap::new(),
@@ -127,6 +132,7 @@ impl Session {
     pub(crate) fn load(&mut self, loaded: LoadedObject) {
         self.object_hash = loaded.object.hash();
         self.loaded = loaded;
+        self.search = None;
         self.reset();
     }
 

@@ -207,7 +207,21 @@ impl Worker {
                 self.schedule_tick();
             }
             Request::CancelBatch => self.end_batch(),
-            Request::SearchGrasps { seed } => self.search_grasps(seed),
+            Request::SearchGrasps { is_long } => post(&self.session.start_search(is_long)),
+            Request::CancelSearch => self.session.cancel_search(),
+            Request::LoadSearchObject { object } => {
+                if let Err(failure) = self.session.load_search_object(&object) {
+                    post(&Event::Failure(failure));
+                }
+            }
+            Request::RunSearchTask { seed, is_long, index, task } => {
+                let result = self.session.run_search_task(seed, is_long, &task);
+                let done = result.map(|result| Event::SearchTaskDone { index, result });
+                return post_result(done.map(Some));
+            }
+            Request::CompleteSearchBatch { results } => {
+                return post_result(self.session.complete_search_batch(&results));
+            }
             Request::PlayGrasps { seed, grasps, object_hash } => {
                 post(&Event::Progress(Progress::indeterminate(PLANNING)));
                 let started = self.session.start_with_grasps(seed, &grasps, &object_hash);
@@ -258,21 +272,6 @@ impl Worker {
         post(&Event::Progress(Progress::indeterminate(PLANNING)));
         let started = self.session.start_grasp(seed);
         self.on_attempt_started(started);
-    }
-
-    fn search_grasps(&self, seed: u32) {
-        let progress = |_: &str, done: usize, total: usize| {
-            let (label, unit) = ("Searching for a grasp".into(), ProgressUnit::Steps);
-            let (done, total) = (done as f64, Some(total as f64));
-            let progress = Progress { label, done, total, unit, finished: false };
-            post(&Event::Progress(progress));
-        };
-        let found = self.session.search_grasps(seed, &progress);
-        post(&Event::Progress(Progress::complete()));
-        match found {
-            Ok(found) => post(&Event::GraspsFound(found)),
-            Err(failure) => post(&Event::Failure(failure)),
-        }
     }
 
     /// Replays a demonstration or a recorded attempt with its object.
@@ -383,6 +382,13 @@ impl Worker {
             realtime_factor: self.clock.realtime_factor().filter(|_| is_busy),
             ..self.session.frame()
         }));
+    }
+}
+
+fn post_result(result: Result<Option<Event>, Failure>) {
+    match result {
+        Ok(event) => event.iter().for_each(post),
+        Err(failure) => post(&Event::Failure(failure)),
     }
 }
 

@@ -6,6 +6,7 @@ use js_sys::{Float32Array, Uint32Array};
 use mesh::{Mesh, Unit};
 use objects::import::{Orientation, OrientationReason};
 use serde::Serialize;
+use serde_bytes::ByteBuf;
 use serde_wasm_bindgen::preserve;
 
 /// Event of the worker.
@@ -29,6 +30,15 @@ pub(crate) enum Event {
     /// A batch has finished or was cancelled.
     BatchFinished {
         batch_id: u32,
+    },
+    /// Next tasks of a grasp search.
+    SearchBatch(SearchBatch),
+    /// A task of a grasp search has been executed.
+    SearchTaskDone {
+        /// Index of the task in its batch.
+        index: usize,
+        #[cfg_attr(test, ts(type = "Uint8Array"))]
+        result: ByteBuf,
     },
     /// A grasp search has ended.
     GraspsFound(GraspsFound),
@@ -309,12 +319,29 @@ pub(crate) struct AttemptFinished {
 #[cfg_attr(test, derive(ts_rs::TS))]
 #[serde(rename_all = "camelCase")]
 pub(crate) struct GraspsFound {
-    pub(crate) text: String,
     /// Robust grasps, for `PlayGrasps`.
-    pub(crate) grasps: String,
+    #[cfg_attr(test, ts(type = "Array<Uint8Array>"))]
+    pub(crate) grasps: Vec<ByteBuf>,
+    /// Number of grasps that were tried.
+    pub(crate) tried: usize,
     /// Hash of the object that the grasps belong to.
     pub(crate) object_hash: String,
-    pub(crate) count: usize,
+}
+
+/// Tasks of a grasp search, and its results so far.
+#[derive(Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
+#[serde(rename_all = "camelCase")]
+pub(crate) struct SearchBatch {
+    /// The object for `LoadSearchObject`, in the first batch.
+    #[cfg_attr(test, ts(type = "Uint8Array | null"))]
+    pub(crate) object: Option<ByteBuf>,
+    /// Tasks, for `RunSearchTask`.
+    #[cfg_attr(test, ts(type = "Array<Uint8Array>"))]
+    pub(crate) tasks: Vec<ByteBuf>,
+    /// Estimated completed fraction, 0 to 1.
+    pub(crate) fraction: f64,
+    pub(crate) found: GraspsFound,
 }
 
 /// File to download.

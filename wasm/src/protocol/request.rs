@@ -5,6 +5,7 @@ use js_sys::{Object, Reflect};
 use mesh::{Unit, UpAxis};
 use objects::import::Orientation;
 use serde::Deserialize;
+use serde_bytes::ByteBuf;
 use wasm_bindgen::JsValue;
 
 /// Request of the page. In JavaScript, `kind` is a field next to the others.
@@ -81,15 +82,38 @@ pub(crate) enum Request {
     CancelBatch,
     /// Saves the attempt as a file.
     ExportRecording,
-    /// Searches for grasps of the current object. The search blocks the worker, so the page uses a separate
-    /// worker for it.
+    /// Starts a search for grasps of the current object. The worker decides on tasks; the page distributes them
+    /// to several workers with the same object.
     SearchGrasps {
-        seed: u32,
+        is_long: bool,
     },
-    /// Starts an attempt with the grasps of a search.
+    CancelSearch,
+    /// Loads the object of a search, as bytes of its first batch.
+    LoadSearchObject {
+        #[serde(with = "serde_bytes")]
+        #[cfg_attr(test, ts(type = "Uint8Array"))]
+        object: Vec<u8>,
+    },
+    /// Executes a task of a search with this seed and length. It blocks the worker for up to a second.
+    RunSearchTask {
+        seed: u32,
+        is_long: bool,
+        /// Index of the task in its batch.
+        index: usize,
+        #[serde(with = "serde_bytes")]
+        #[cfg_attr(test, ts(type = "Uint8Array"))]
+        task: Vec<u8>,
+    },
+    /// Results of a batch of tasks, in their order.
+    CompleteSearchBatch {
+        #[cfg_attr(test, ts(type = "Array<Uint8Array>"))]
+        results: Vec<ByteBuf>,
+    },
+    /// Starts an attempt with grasps of a search, the first reachable one.
     PlayGrasps {
         seed: u32,
-        grasps: String,
+        #[cfg_attr(test, ts(type = "Array<Uint8Array>"))]
+        grasps: Vec<ByteBuf>,
         /// Hash of the object that the grasps belong to.
         object_hash: String,
     },

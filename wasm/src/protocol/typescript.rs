@@ -125,6 +125,7 @@ fn messages() -> String {
     add(declare::<Outcome>);
     add(declare::<AttemptFinished>);
     add(declare::<GraspsFound>);
+    add(declare::<SearchBatch>);
     add(declare::<SavedFile>);
     add(declare::<Failure>);
     add(declare::<Event>);

@@ -3,13 +3,12 @@
 use super::{Session, worker_failed};
 use crate::familiarity_text;
 use crate::object_import::LoadedObject;
-use crate::protocol::{Cloud, Failure, GraspsFound, PlanarPose, PlaybackInfo};
+use crate::protocol::{Cloud, Failure, PlanarPose, PlaybackInfo};
 use geometry::Vec3;
-use grasps::search::{SearchConfig, search};
 use grasps::set::grasp::Grasp;
 use js_sys::Float32Array;
-use progress::Progress;
 use rollout::{Attempt, Controller, RolloutError};
+use serde_bytes::ByteBuf;
 use std::sync::Arc;
 
 impl Session {
@@ -35,42 +34,19 @@ impl Session {
         Attempt::new(&self.context, object, name, pose, u64::from(seed), controller)
     }
 
-    /// Searches for grasps of the current object in simulation.
-    pub(crate) fn search_grasps(
-        &self,
-        seed: u32,
-        progress: &dyn Progress,
-    ) -> Result<GraspsFound, Failure> {
-        let robot = &self.context.robot;
-        let config = SearchConfig::quick(robot);
-        let found = search(robot, &self.loaded.object, &config, u64::from(seed), progress);
-        let (set, _) = found.map_err(|error| worker_failed(&error))?;
-        let (tested, robust) = (set.num_tried, set.num_robust);
-        let text = match set.grasps.len() {
-            0 => format!("{tested} grasps tested, none robust."),
-            _ => format!("{tested} grasps tested, {robust} robust."),
-        };
-        let grasps = serde_json::to_string(&set.grasps).map_err(|error| worker_failed(&error))?;
-        Ok(GraspsFound {
-            text,
-            grasps,
-            object_hash: self.object_hash.clone(),
-            count: set.grasps.len(),
-        })
-    }
-
     /// Starts an attempt with the grasps of a search, if they belong to the current object.
     pub(crate) fn start_with_grasps(
         &mut self,
         seed: u32,
-        grasps: &str,
+        grasps: &[ByteBuf],
         object_hash: &str,
     ) -> Result<Cloud, Failure> {
         if object_hash != self.object_hash {
             return Err(grasp_object_mismatch());
         }
+        let grasps = grasps.iter().map(|grasp| Grasp::from_bytes(grasp));
         let grasps: Vec<Grasp> =
-            serde_json::from_slice(grasps.as_bytes()).map_err(|error| worker_failed(&error))?;
+            grasps.collect::<Result<_, _>>().map_err(|error| worker_failed(&error))?;
         let PlanarPose { x, y, yaw } = self.pose;
         let LoadedObject { object, name, label, .. } = &self.loaded;
         let name = name.as_ref().unwrap_or(label);

@@ -84,9 +84,10 @@ new BatchPanel(bus, {
   replay: (seed) => attempt.runSeed(seed),
 });
 new GraspSearchPanel(bus, {
-  stateRequests: () => state.requests(),
+  send: sendNow,
+  hasObject: () => state.objectRequest() !== null,
   seed: () => attempt.seed,
-  play: ({ grasps, objectHash }) => send({ kind: "playGrasps", seed: attempt.seed, grasps, objectHash }),
+  play: (grasps, objectHash) => send({ kind: "playGrasps", seed: attempt.seed, grasps, objectHash }),
   report,
 });
 const share = new SharePanel(bus, {

@@ -90,10 +90,17 @@ export const TRAINING = {
 export const SEARCH = {
   hint: "Sampling-based search in simulation. Works with any mesh and needs no policy.",
   start: "Search for a grasp",
-  testing: "Testing grasps…",
+  starting: "Starting…",
   stop: "Stop",
   stopped: "Stopped.",
-  replay: "Replay",
+  progress: (tried: number, robust: number, rate: number, left: string) =>
+    `${tried} grasps tried (${rate.toFixed(1)}/s), ${robust} robust` + (left && `, about ${left} left`),
+  found: (tried: number, selected: number, isLong: boolean) => {
+    if (selected > 0) return `${tried} grasps tried, ${selected} selected. Play each of them:`;
+    const advice = isLong ? "" : tried > 0 ? " A longer search tries more." : " All were out of reach; a longer search samples more.";
+    return `${tried} grasps tried, none robust.${advice}`;
+  },
+  play: (number: number) => `Play grasp ${number}`,
   aborted: "The search was aborted; the attempt continues. Search again, or use a simpler mesh.",
 } as const;
 

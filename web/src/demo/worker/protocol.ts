@@ -234,15 +234,36 @@ tally: Tally, };
 /**
  * Result of a grasp search.
  */
-export type GraspsFound = { text: string,
+export type GraspsFound = {
 /**
  * Robust grasps, for `PlayGrasps`.
  */
-grasps: string,
+grasps: Array<Uint8Array>,
+/**
+ * Number of grasps that were tried.
+ */
+tried: number,
 /**
  * Hash of the object that the grasps belong to.
  */
-objectHash: string, count: number, };
+objectHash: string, };
+
+/**
+ * Tasks of a grasp search, and its results so far.
+ */
+export type SearchBatch = {
+/**
+ * The object for `LoadSearchObject`, in the first batch.
+ */
+object: Uint8Array | null,
+/**
+ * Tasks, for `RunSearchTask`.
+ */
+tasks: Array<Uint8Array>,
+/**
+ * Estimated completed fraction, 0 to 1.
+ */
+fraction: number, found: GraspsFound, };
 
 /**
  * File to download.
@@ -257,7 +278,11 @@ export type Failure = { code: string, message: string, hint: string, };
 /**
  * Event of the worker.
  */
-export type WorkerEvent = { "kind": "ready" } & Ready | { "kind": "object" } & ObjectLoaded | { "kind": "frame" } & Frame | { "kind": "telemetry", samples: Array<TelemetrySample>, } | { "kind": "cloud" } & Cloud | { "kind": "progress" } & Progress | { "kind": "model" } & Model | { "kind": "outcome" } & Outcome | { "kind": "attemptFinished" } & AttemptFinished | { "kind": "batchFinished", batchId: number, } | { "kind": "graspsFound" } & GraspsFound | { "kind": "file" } & SavedFile | { "kind": "failure" } & Failure;
+export type WorkerEvent = { "kind": "ready" } & Ready | { "kind": "object" } & ObjectLoaded | { "kind": "frame" } & Frame | { "kind": "telemetry", samples: Array<TelemetrySample>, } | { "kind": "cloud" } & Cloud | { "kind": "progress" } & Progress | { "kind": "model" } & Model | { "kind": "outcome" } & Outcome | { "kind": "attemptFinished" } & AttemptFinished | { "kind": "batchFinished", batchId: number, } | { "kind": "searchBatch" } & SearchBatch | { "kind": "searchTaskDone",
+/**
+ * Index of the task in its batch.
+ */
+index: number, result: Uint8Array, } | { "kind": "graspsFound" } & GraspsFound | { "kind": "file" } & SavedFile | { "kind": "failure" } & Failure;
 
 /**
  * Request of the page. In JavaScript, `kind` is a field next to the others.
@@ -278,7 +303,11 @@ up: UpAxis | null, massKg: number | null, orientation: Orientation | null, } | {
 /**
  * Batch id, part of the resulting events.
  */
-batchId: number, } | { "kind": "drag", drag: Drag | null, } | { "kind": "cancelBatch" } | { "kind": "exportRecording" } | { "kind": "searchGrasps", seed: number, } | { "kind": "playGrasps", seed: number, grasps: string,
+batchId: number, } | { "kind": "drag", drag: Drag | null, } | { "kind": "cancelBatch" } | { "kind": "exportRecording" } | { "kind": "searchGrasps", isLong: boolean, } | { "kind": "cancelSearch" } | { "kind": "loadSearchObject", object: Uint8Array, } | { "kind": "runSearchTask", seed: number, isLong: boolean,
+/**
+ * Index of the task in its batch.
+ */
+index: number, task: Uint8Array, } | { "kind": "completeSearchBatch", results: Array<Uint8Array>, } | { "kind": "playGrasps", seed: number, grasps: Array<Uint8Array>,
 /**
  * Hash of the object that the grasps belong to.
  */
