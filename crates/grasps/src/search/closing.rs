@@ -82,14 +82,14 @@ pub fn close_hand(
             let kinematics = tree.forward_kinematics(&q);
             let table = std::slice::from_ref(table);
             let mut min_gap = MAX_QUERY_DISTANCE;
-            let above_table = (free_from..FINGER_DOF).rev().find(|joint| {
+            let meets_table = (free_from..FINGER_DOF).rev().find(|joint| {
                 let body = first + joint + 1;
                 let gap = robot.body_distance(&kinematics, body, table, MAX_QUERY_DISTANCE)
                     - config.table_clearance;
                 min_gap = min_gap.min(gap);
                 gap < 0.0
             });
-            if let Some(joint) = above_table {
+            if let Some(joint) = meets_table {
                 q = before;
                 free_from = joint + 1;
                 continue;
