@@ -119,7 +119,7 @@ pub struct ClosedCandidate {
     pub grasp: Grasp,
     /// Force margin of the squeeze (dimensionless).
     pub force_margin: f64,
-    /// Whether the grasp is reachable at every [`SPARSE_STEP`]th coverage pose.
+    /// Whether the grasp is reachable at every 10th coverage pose.
     pub sparse_reach: Vec<bool>,
 }
 
