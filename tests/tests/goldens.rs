@@ -20,7 +20,7 @@ use policy::networks::NetworkConfig;
 use policy::networks::acceleration_mlp::{self, AccelerationMlp, AccelerationMlpConfig};
 use policy::networks::ngf::{NgfConfig, SUBNETWORKS};
 use policy::weights::Tensors;
-use policy::{Ngf, ObservationKind, PolicyConfig, Whitening};
+use policy::{NetworkInput, Ngf, ObservationKind, PolicyConfig, Whitening};
 use robot::{DOF, JointState, JointVector, KinematicTree};
 use serde_json::Value;
 
@@ -144,14 +144,15 @@ fn policy_matches_pytorch() {
     let rows = made.to_vec2::<f32>().unwrap();
     for (i, (state, z)) in states.iter().zip(&latents).enumerate() {
         let wanted = numbers(&golden["qdd"][i]);
-        let got = runs.acceleration(state, z).unwrap();
+        let input = [NetworkInput { state: *state, latent: z }];
+        let got = runs.accelerations(&input)[0].unwrap();
         assert_close("acceleration", got.as_slice(), &wanted);
         let trained: Vec<f64> = rows[i].iter().map(|x| *x as f64).collect();
         assert_close("acceleration in training", &trained, &wanted);
-        let slope = runs.outputs(state, z).potential_gradient;
-        let slope: Vec<f64> = slope.iter().map(|x| *x as f64).collect();
+        let outputs = runs.outputs(&input);
+        let slope: Vec<f64> = outputs[0].potential_gradient.iter().map(|x| *x as f64).collect();
         assert_close("potential gradient", &slope, &numbers(&golden["slope"][i]));
-        let potential = [runs.potential(state, z) as f64];
+        let potential = [runs.potential(&input[0]) as f64];
         assert_close("potential", &potential, &[golden["potential"][i].as_f64().unwrap()]);
     }
     assert_gradients(&weighted_sum_gradient(&made, &params), &params, &golden["gradients"]);
@@ -205,7 +206,8 @@ fn acceleration_mlps_match_pytorch() {
         let rows = made.to_vec2::<f32>().unwrap();
         for (i, (state, z)) in states.iter().zip(&latents).enumerate() {
             let wanted = numbers(&golden["qdd"][i]);
-            let got = runs.acceleration(state, z).unwrap();
+            let input = [NetworkInput { state: *state, latent: z }];
+            let got = runs.accelerations(&input)[0].unwrap();
             assert_close("acceleration", got.as_slice(), &wanted);
             let trained: Vec<f64> = rows[i].iter().map(|x| *x as f64).collect();
             assert_close("acceleration in training", &trained, &wanted);

@@ -3,6 +3,7 @@
 #![cfg(target_arch = "wasm32")]
 
 use objects::object::Object;
+use policy::NetworkInput;
 use robot::JointState;
 use rollout::{Attempt, Controller, Phase, RolloutContext};
 use wasm_bindgen::JsCast;
@@ -57,7 +58,9 @@ fn rows() {
     for _ in 0..30 {
         let start = now();
         for _ in 0..10 {
-            std::hint::black_box(model.network.canonical_acceleration(&state, &[0.5; 32]));
+            std::hint::black_box(
+                model.network.accelerations(&[NetworkInput { state, latent: &[0.5; 32] }]),
+            );
         }
         steps.push((now() - start) / 10.0);
     }

@@ -7,7 +7,7 @@ use objects::import::Orientation;
 use objects::object::Object;
 use rayon::prelude::*;
 use robot::Isometry;
-use rollout::{Attempt, Controller, Familiarity, MotionMetrics, Outcome, RolloutContext};
+use rollout::{Attempt, Controller, Familiarity, Lockstep, MotionMetrics, Outcome, RolloutContext};
 use std::collections::BTreeMap;
 
 /// Result of one attempt of an evaluation.
@@ -67,6 +67,22 @@ pub struct EvaluationReport {
     pub rows: Vec<AttemptResult>,
 }
 
+impl AttemptResult {
+    /// `None` without an outcome.
+    fn new(attempt: &Attempt, context: &RolloutContext) -> Option<Self> {
+        Some(Self {
+            seed: attempt.seed(),
+            pose: attempt.pose(),
+            outcome: attempt.outcome()?,
+            final_state_hash: attempt.state_hash(),
+            motion: attempt.motion_metrics(),
+            clearance: attempt.clearance(context),
+            familiarity: attempt.familiarity(context),
+            object_from_palm: attempt.object_from_palm(context),
+        })
+    }
+}
+
 impl EvaluationReport {
     /// Median reconstruction error (m) of the encoder over the attempts.
     pub fn median_reconstruction_error(&self) -> Option<f32> {
@@ -89,6 +105,10 @@ impl EvaluationReport {
     }
 }
 
+/// Attempts per thread that advance in lockstep. Each shares the network's weights; progress is reported when
+/// they end.
+const LOCKSTEP_ATTEMPTS: u64 = 8;
+
 /// Runs one attempt per seed on all threads; all attempts count. Each attempt samples the object pose, unless
 /// `pose` is given. `on_attempt` receives each attempt after its end.
 pub fn evaluate(
@@ -101,24 +121,25 @@ pub fn evaluate(
     on_attempt: &(dyn Fn(&Attempt) -> Result<()> + Sync),
 ) -> Result<EvaluationReport> {
     let (seed, attempts) = (seeds.start, seeds.clone().count());
-    let rows = seeds
+    let new_attempt = |seed| Attempt::new(context, object, name, pose, seed, controller.clone());
+    let groups = seeds.clone().step_by(LOCKSTEP_ATTEMPTS as usize).collect::<Vec<u64>>();
+    let rows = groups
         .into_par_iter()
-        .map(|seed| {
-            let mut attempt = Attempt::new(context, object, name, pose, seed, controller.clone())?;
-            let verdict = attempt.run(context);
-            on_attempt(&attempt)?;
-            Ok(AttemptResult {
-                seed,
-                pose: attempt.pose(),
-                outcome: verdict,
-                final_state_hash: attempt.state_hash(),
-                motion: attempt.motion_metrics(),
-                clearance: attempt.clearance(context),
-                familiarity: attempt.familiarity(context),
-                object_from_palm: attempt.object_from_palm(context),
-            })
+        .map(|first| {
+            let group = first..seeds.end.min(first + LOCKSTEP_ATTEMPTS);
+            let mut running = Lockstep::new(group.map(new_attempt).collect::<Result<_, _>>()?);
+            let mut rows = Vec::new();
+            while !running.is_empty() {
+                if let Some(attempt) = running.advance(context) {
+                    on_attempt(&attempt)?;
+                    rows.extend(AttemptResult::new(&attempt, context));
+                }
+            }
+            rows.sort_by_key(|row: &AttemptResult| row.seed);
+            Ok(rows)
         })
-        .collect::<Result<Vec<_>>>()?;
+        .collect::<Result<Vec<_>>>()?
+        .concat();
     let lifted = rows.iter().filter(|row| row.outcome.is_lifted()).count();
     let mut failures = BTreeMap::new();
     for row in &rows {

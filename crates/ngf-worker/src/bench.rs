@@ -9,7 +9,7 @@ use imitation::nn::networks::{autoencoder, ngf};
 use objects::object::Object;
 use policy::networks::ngf::NgfConfig;
 use policy::weights::Tensors;
-use policy::{Encoder, LATENT_DIM, Ngf, Whitening};
+use policy::{Encoder, LATENT_DIM, NetworkInput, Ngf, Whitening};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rollout::RolloutContext;
@@ -87,9 +87,13 @@ fn attempt_rows(options: &Options) -> Result<Vec<Row>> {
         context.sensor.extract_cloud(&context.sensor.capture(&object.mesh, &pose, &mut rng));
     let z = encoder.encode(&cloud).context("cannot encode the cloud")?.latent;
     let state = robot::JointState::at_rest(robot.nominal);
+    let inputs = [NetworkInput { state, latent: &z }; 8];
     let mut rows = vec![
         measure("policy_step_native", 200, || {
-            std::hint::black_box(policy.acceleration(&state, &z));
+            std::hint::black_box(policy.accelerations(&inputs[..1]));
+        }),
+        measure("policy_step_8_native", 50, || {
+            std::hint::black_box(policy.accelerations(&inputs));
         }),
         measure("encode_native", 20, || {
             std::hint::black_box(encoder.encode(&cloud));

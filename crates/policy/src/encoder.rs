@@ -113,12 +113,12 @@ impl Encoder {
         }
         let mut max_features = vec![f32::NEG_INFINITY; GLOBAL_WIDTHS[2]];
         for (center, neighbors) in cloud.iter().zip(neighborhoods(cloud)) {
+            let inputs = neighbors.map(|i| local_input(*center, cloud[i]));
             let mut feature = vec![f32::NEG_INFINITY; LOCAL_WIDTHS[2]];
-            for i in neighbors {
-                max_in_place(
-                    &mut feature,
-                    &apply_activated(&self.local, &local_input(*center, cloud[i])),
-                );
+            for of_neighbor in
+                apply_activated(&self.local, inputs.as_flattened()).chunks(feature.len())
+            {
+                max_in_place(&mut feature, of_neighbor);
             }
             feature.extend(normalized_position(*center));
             max_in_place(&mut max_features, &apply_activated(&self.global, &feature));
@@ -149,7 +149,7 @@ pub fn points_from_output(positions: &[f32]) -> Vec<Vec3> {
     points.map(|p| middle + Vec3::from_slice(p) * WORKSPACE_SCALE).collect()
 }
 
-/// Output of the layers, with the activation also after the last one.
+/// Outputs of the layers for a batch, with the activation also after the last one.
 fn apply_activated(mlp: &Mlp, x: &[f32]) -> Vec<f32> {
     mlp.apply(x).into_iter().map(|y| mlp.activation.apply(y)).collect()
 }

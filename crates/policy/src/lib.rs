@@ -24,7 +24,7 @@ pub mod whitening;
 pub use encoder::Encoder;
 pub use model::Model;
 pub use networks::ngf::Ngf;
-pub use networks::{Network, ObservationKind, PolicyConfig};
+pub use networks::{Network, NetworkInput, ObservationKind, PolicyConfig};
 pub use observation::Observation;
 pub use start_model::StartModel;
 pub use weights::WeightsError;

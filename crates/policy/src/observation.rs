@@ -4,6 +4,7 @@
 //! robot's vertical axis to azimuth 0. The robot's first joint has this axis, so the rotated task is the same
 //! task. This removes one of the three dimensions of an object's pose from the learning problem.*
 
+use crate::networks::NetworkInput;
 use geometry::Vec3;
 use robot::{Isometry, JointState, JointVector, rotation};
 
@@ -49,6 +50,11 @@ impl Observation {
     /// Converts a state from the base frame to the canonical frame: the first joint is shifted by the azimuth.
     pub fn state_to_canonical(&self, state: &JointState) -> JointState {
         JointState { q: self.to_canonical(&state.q), qd: state.qd }
+    }
+
+    /// The network's input at a state in the base frame.
+    pub fn network_input(&self, state: &JointState) -> NetworkInput<'_> {
+        NetworkInput { state: self.state_to_canonical(state), latent: &self.latent }
     }
 
     /// Converts a configuration (rad) from the base frame to the canonical frame.

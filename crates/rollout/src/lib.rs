@@ -24,8 +24,8 @@ pub mod telemetry;
 pub mod wilson_interval;
 
 pub use attempt::{
-    Attempt, Controller, DemonstrationLibrary, Evidence, FailureReason, Outcome, Phase, Slip,
-    sample_object_pose,
+    Attempt, Controller, DemonstrationLibrary, Evidence, FailureReason, Lockstep, Outcome, Phase,
+    Slip, sample_object_pose,
 };
 pub use familiarity::Familiarity;
 pub use motion_metrics::MotionMetrics;

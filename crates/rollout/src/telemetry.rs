@@ -51,8 +51,7 @@ impl TelemetrySample {
         network: Option<(&Model, &Observation)>,
     ) -> Self {
         let fabric = network.and_then(|(model, observation)| {
-            let state = observation.state_to_canonical(state);
-            model.network.fabric(&state, &observation.latent)
+            model.network.fabric(observation.network_input(state))
         });
         Self {
             energy: 0.5 * state.qd.norm_squared(),

@@ -46,8 +46,8 @@ pub fn max_damping_rate(policy: &Network, groups: &[&DemoGroup]) -> Option<f64> 
     let of_group = |group: &&DemoGroup| {
         let (observation, rows) = (&group.encodings[0], group.demonstrations.rows());
         let row = |row| {
-            let state = observation.state_to_canonical(&group.demonstrations.state(row));
-            Some(policy.fabric(&state, &observation.latent)?.max_damping_rate())
+            let input = observation.network_input(&group.demonstrations.state(row));
+            Some(policy.fabric(input)?.max_damping_rate())
         };
         (0..rows).step_by(DAMPING_STRIDE).filter_map(row).reduce(f64::max)
     };

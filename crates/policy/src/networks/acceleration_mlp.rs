@@ -1,10 +1,11 @@
 //! The baseline: an MLP that predicts joint accelerations directly, without a fabric (paper §III-C).
 
+use crate::networks::NetworkInput;
 use crate::networks::fourier::{FourierFeatures, InputBlock, NUM_FEATURES};
 use crate::networks::mlp::{Activation, Mlp};
 use crate::networks::ngf::SPEED_SCALE;
 use crate::weights::{Tensors, WeightsError};
-use robot::{DOF, JointLimits, JointState, JointVector};
+use robot::{DOF, JointLimits, JointVector};
 
 /// Prefix of the layers' tensor names in the weights.
 pub const TENSOR_PREFIX: &str = "baseline";
@@ -88,10 +89,10 @@ impl AccelerationMlpConfig {
 }
 
 /// Network inputs (dimensionless): normalised q, scaled q̇, observation.
-pub fn inputs(limits: &JointLimits, state: &JointState, observation: &[f32]) -> Vec<f32> {
-    let q = limits.normalize(&state.q);
-    let qd = state.qd / SPEED_SCALE;
-    q.iter().chain(qd.iter()).map(|x| *x as f32).chain(observation.iter().copied()).collect()
+pub fn inputs(limits: &JointLimits, input: &NetworkInput) -> Vec<f32> {
+    let q = limits.normalize(&input.state.q);
+    let qd = input.state.qd / SPEED_SCALE;
+    q.iter().chain(qd.iter()).map(|x| *x as f32).chain(input.latent.iter().copied()).collect()
 }
 
 /// The network with its weights.
@@ -127,14 +128,18 @@ impl AccelerationMlp {
         })
     }
 
-    /// q̈ (rad/s²) at a state in the canonical frame; `None` if it is not finite.
-    pub fn acceleration(&self, state: &JointState, observation: &[f32]) -> Option<JointVector> {
-        let x = inputs(&self.limits, state, observation);
+    /// q̈ (rad/s²) for each input of a batch; `None` where it is not finite.
+    pub fn accelerations(&self, batch: &[NetworkInput]) -> Vec<Option<JointVector>> {
+        let row = |input: &NetworkInput| inputs(&self.limits, input);
+        let x: Vec<f32> = batch.iter().flat_map(row).collect();
         let y = match &self.fourier {
             Some(fourier) => self.mlp.apply(&fourier.features(&x)),
             None => self.mlp.apply(&x),
         };
-        let qdd = JointVector::from_fn(|i, _| f64::from(self.acceleration_scale * y[i]));
-        qdd.iter().all(|x| x.is_finite()).then_some(qdd)
+        let acceleration = |y: &[f32]| {
+            let qdd = JointVector::from_fn(|i, _| f64::from(self.acceleration_scale * y[i]));
+            qdd.iter().all(|x| x.is_finite()).then_some(qdd)
+        };
+        y.chunks_exact(DOF).map(acceleration).collect()
     }
 }

@@ -43,19 +43,28 @@ impl FourierFeatures {
         Self { frequencies, num_inputs: blocks.iter().map(|block| block.size).sum() }
     }
 
-    /// Projections Wx, shape (NUM_FREQUENCIES).
+    /// Projections Wx of a batch, shape (batch, num_inputs), row-major; shape (batch, NUM_FREQUENCIES).
     pub fn project(&self, x: &[f32]) -> Vec<f32> {
-        debug_assert_eq!(x.len(), self.num_inputs);
-        let mut phases = vec![0.0; NUM_FREQUENCIES];
-        for (x, row) in x.iter().zip(self.frequencies.chunks_exact(NUM_FREQUENCIES)) {
-            for (phase, w) in phases.iter_mut().zip(row) {
-                *phase += x * w;
-            }
-        }
+        debug_assert_eq!(x.len() % self.num_inputs, 0);
+        let mut phases = vec![0.0; x.len() / self.num_inputs * NUM_FREQUENCIES];
+        simd::with_simd(
+            #[inline(always)]
+            || {
+                for (i, row) in self.frequencies.chunks_exact(NUM_FREQUENCIES).enumerate() {
+                    let batch = phases.chunks_exact_mut(NUM_FREQUENCIES);
+                    for (phases, x) in batch.zip(x.chunks_exact(self.num_inputs)) {
+                        let x = x[i];
+                        for (phase, w) in phases.iter_mut().zip(row) {
+                            *phase += x * w;
+                        }
+                    }
+                }
+            },
+        );
         phases
     }
 
-    /// Features (cos Wx, sin Wx), shape (NUM_FEATURES).
+    /// Features (cos Wx, sin Wx) of a batch, shape (batch, num_inputs), row-major; shape (batch, NUM_FEATURES).
     ///
     /// ```rust
     /// use policy::networks::fourier::{FourierFeatures, InputBlock, NUM_FREQUENCIES};
@@ -66,11 +75,14 @@ impl FourierFeatures {
     /// assert!(cosines.iter().zip(sines).all(|(c, s)| (c * c + s * s - 1.0).abs() < 1e-5));
     /// ```
     pub fn features(&self, x: &[f32]) -> Vec<f32> {
-        let mut features = self.project(x);
-        features.resize(NUM_FEATURES, 0.0);
-        let (cosines, sines) = features.split_at_mut(NUM_FREQUENCIES);
-        for (cosine, sine) in cosines.iter_mut().zip(sines) {
-            (*sine, *cosine) = sin_cos(*cosine);
+        let phases = self.project(x);
+        let mut features = vec![0.0; 2 * phases.len()];
+        let rows = features.chunks_exact_mut(NUM_FEATURES);
+        for (row, phases) in rows.zip(phases.chunks_exact(NUM_FREQUENCIES)) {
+            let (cosines, sines) = row.split_at_mut(NUM_FREQUENCIES);
+            for ((cosine, sine), phase) in cosines.iter_mut().zip(sines).zip(phases) {
+                (*sine, *cosine) = sin_cos(*phase);
+            }
         }
         features
     }
@@ -84,7 +96,7 @@ impl FourierFeatures {
             .map(|k| cosines[k] * of_sines[k] - sines[k] * of_cosines[k])
             .collect();
         let rows = self.frequencies.chunks_exact(NUM_FREQUENCIES).take(count);
-        rows.map(|row| simd::dot::<8, _>(row, &phases, |w| w)).collect()
+        rows.map(|row| simd::dot::<8>(row, &phases)).collect()
     }
 }
 
@@ -126,7 +138,7 @@ mod tests {
         for distance in [0.0f32, 1.0, 2.0, 4.0] {
             let a = fourier.features(&[0.3, -0.2, 0.9]);
             let b = fourier.features(&[0.3 + distance, -0.2, 0.9]);
-            let kernel = simd::dot::<8, _>(&a, &b, |w| w) / NUM_FREQUENCIES as f32;
+            let kernel = simd::dot::<8>(&a, &b) / NUM_FREQUENCIES as f32;
             let wanted = (-distance * distance / 8.0).exp();
             assert!((kernel - wanted).abs() < 0.1, "{kernel} against {wanted} at {distance}");
         }
@@ -149,7 +161,7 @@ mod tests {
         let fourier = FourierFeatures::new(&[InputBlock { size: 4, length_scale: 1.5 }], 3);
         let weights: Vec<f32> = (0..NUM_FEATURES).map(|k| libm::sinf(k as f32)).collect();
         let x = [0.1f32, -0.4, 0.7, 0.2];
-        let value = |x: &[f32]| simd::dot::<8, _>(&fourier.features(x), &weights, |w| w) as f64;
+        let value = |x: &[f32]| simd::dot::<8>(&fourier.features(x), &weights) as f64;
         let gradient = fourier.vjp(&fourier.features(&x), &weights, 4);
         for i in 0..4 {
             let (mut up, mut down) = (x, x);

@@ -79,48 +79,80 @@ impl Dense {
         self.bias.len()
     }
 
-    /// y = xW + b; each output sums its inputs in order.
+    /// y = xW + b for a batch of inputs, shape (batch, num_inputs), row-major; shape (batch, num_outputs).
+    ///
+    /// Each output sums its inputs in order, so its bits do not depend on the batch.
     pub fn apply(&self, x: &[f32]) -> Vec<f32> {
-        debug_assert_eq!(x.len() * self.bias.len(), self.weight.len());
-        let mut y = self.bias.clone();
+        let num_inputs = self.weight.len() / self.num_outputs();
+        debug_assert_eq!(x.len() % num_inputs, 0);
+        let mut y = self.bias.repeat(x.len() / num_inputs);
         simd::with_simd(
             #[inline(always)]
-            || add_product(&self.weight, x, &mut y),
+            || add_products(&self.weight, x, &mut y, self.num_outputs()),
         );
         y
     }
 
-    /// Vector-Jacobian product Wḡ: the gradient with respect to the inputs.
-    fn vjp(&self, gradient: &[f32]) -> Vec<f32> {
-        let rows = self.weight.chunks_exact(gradient.len());
+    /// Vector-Jacobian products Wḡ: gradients with respect to the inputs, shape (batch, num_inputs), for
+    /// gradients with respect to the outputs, shape (batch, num_outputs).
+    fn vjp(&self, gradients: &[f32]) -> Vec<f32> {
+        let width = self.num_outputs();
+        let num_inputs = self.weight.len() / width;
+        let mut products = vec![0.0; gradients.len() / width * num_inputs];
+        let mut row = vec![0.0; width];
         simd::with_simd(
             #[inline(always)]
-            || rows.map(|row| simd::dot::<16, _>(row, gradient, f16_to_f32)).collect(),
-        )
+            || {
+                for (i, weights) in self.weight.chunks_exact(width).enumerate() {
+                    widen(weights, &mut row);
+                    let rows = products.chunks_exact_mut(num_inputs);
+                    for (product, gradient) in rows.zip(gradients.chunks_exact(width)) {
+                        product[i] = simd::dot::<16>(&row, gradient);
+                    }
+                }
+            },
+        );
+        products
     }
 }
 
-/// y += xW.
+/// y += xW for each row of the batch.
 #[inline(always)]
-fn add_product(weight: &[f16], x: &[f32], y: &mut [f32]) {
-    let width = y.len();
-    // Four rows per pass: fewer passes over y, and still a fixed order of each sum.
-    let mut inputs = x.chunks_exact(4);
-    let mut fours = weight.chunks_exact(4 * width);
-    for (x, four) in inputs.by_ref().zip(fours.by_ref()) {
-        let (r0, rest) = four.split_at(width);
-        let (r1, rest) = rest.split_at(width);
-        let (r2, r3) = rest.split_at(width);
-        let (x0, x1, x2, x3) = (x[0], x[1], x[2], x[3]);
-        for ((((y, a), b), c), d) in y.iter_mut().zip(r0).zip(r1).zip(r2).zip(r3) {
-            *y = (((*y + x0 * f16_to_f32(*a)) + x1 * f16_to_f32(*b)) + x2 * f16_to_f32(*c))
-                + x3 * f16_to_f32(*d);
+fn add_products(weight: &[f16], x: &[f32], y: &mut [f32], width: usize) {
+    // Four rows per pass: fewer passes over y, and still a fixed order of each sum. They are converted once
+    // for the batch; the conversion reads memory in sequence, which is the bottleneck of a single input.
+    let num_inputs = weight.len() / width;
+    let mut rows = vec![0.0; 4 * width];
+    for (k, four) in weight.chunks(4 * width).enumerate() {
+        let rows = &mut rows[..four.len()];
+        widen(four, rows);
+        for (x, y) in x.chunks_exact(num_inputs).zip(y.chunks_exact_mut(width)) {
+            match x[4 * k..num_inputs.min(4 * k + 4)] {
+                [x0, x1, x2, x3] => {
+                    let (r0, rest) = rows.split_at(width);
+                    let (r1, rest) = rest.split_at(width);
+                    let (r2, r3) = rest.split_at(width);
+                    for ((((y, a), b), c), d) in y.iter_mut().zip(r0).zip(r1).zip(r2).zip(r3) {
+                        *y = (((*y + x0 * a) + x1 * b) + x2 * c) + x3 * d;
+                    }
+                }
+                ref rest => {
+                    for (x, row) in rest.iter().zip(rows.chunks_exact(width)) {
+                        for (y, w) in y.iter_mut().zip(row) {
+                            *y += x * w;
+                        }
+                    }
+                }
+            }
         }
     }
-    for (x, row) in inputs.remainder().iter().zip(fours.remainder().chunks_exact(width)) {
-        for (y, w) in y.iter_mut().zip(row) {
-            *y += x * f16_to_f32(*w);
-        }
+}
+
+/// Converts half precision to single precision.
+#[inline(always)]
+fn widen(halves: &[f16], singles: &mut [f32]) {
+    for (single, half) in singles.iter_mut().zip(halves) {
+        *single = f16_to_f32(*half);
     }
 }
 
@@ -139,7 +171,8 @@ impl Mlp {
         Ok(Self { layers, activation })
     }
 
-    /// Output of the last layer, without activation.
+    /// Output of the last layer, without activation, for a batch of inputs, shape (batch, num_inputs);
+    /// shape (batch, num_outputs).
     pub fn apply(&self, x: &[f32]) -> Vec<f32> {
         let (last, hidden) = self.split();
         let mut h = x.to_vec();
@@ -150,7 +183,8 @@ impl Mlp {
         last.apply(&h)
     }
 
-    /// Gradient of the first output with respect to the inputs.
+    /// Gradient of the first output with respect to the inputs, for a batch of inputs; both have the shape
+    /// (batch, num_inputs).
     pub fn gradient(&self, x: &[f32]) -> Vec<f32> {
         let (last, hidden) = self.split();
         let mut h = x.to_vec();
@@ -161,8 +195,9 @@ impl Mlp {
                 .push(h.iter().map(|&h| self.activation.derivative(h)).collect::<Vec<f32>>());
             h.iter_mut().for_each(|h| *h = self.activation.apply(*h));
         }
-        let mut gradient: Vec<f32> =
+        let of_last: Vec<f32> =
             last.weight.chunks_exact(last.num_outputs()).map(|row| f16_to_f32(row[0])).collect();
+        let mut gradient = of_last.repeat(h.len() / of_last.len());
         for (layer, derivative) in hidden.iter().zip(&derivatives).rev() {
             gradient.iter_mut().zip(derivative).for_each(|(g, s)| *g *= s);
             gradient = layer.vjp(&gradient);
@@ -196,6 +231,21 @@ mod tests {
             let wanted: f32 = layer.bias[o]
                 + (0..7).map(|i| x[i] * layer.weight[5 * i + o].to_f32()).sum::<f32>();
             assert!((got - wanted).abs() < 1e-5, "{got} against {wanted}");
+        }
+    }
+
+    #[test]
+    fn bits_do_not_depend_on_the_batch() {
+        // Widths that are no multiples of the four rows and of the registers.
+        let layers = vec![dense(6, 33), dense(33, 17), dense(17, 3)];
+        let mlp = Mlp { layers, activation: Activation::Elu };
+        let x: Vec<f32> = (0..6 * 32).map(|k| libm::sinf((k * k) as f32)).collect();
+        for batch in [1, 7, 32] {
+            let (rows, all) = (x.chunks(6 * batch), mlp.apply(&x));
+            let apart: Vec<f32> = rows.clone().flat_map(|x| mlp.apply(x)).collect();
+            assert_eq!(apart, all, "outputs in batches of {batch}");
+            let apart: Vec<f32> = rows.flat_map(|x| mlp.gradient(x)).collect();
+            assert_eq!(apart, mlp.gradient(&x), "gradients in batches of {batch}");
         }
     }
 

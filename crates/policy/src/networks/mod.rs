@@ -105,6 +105,15 @@ impl PolicyConfig {
     }
 }
 
+/// Input of a network.
+#[derive(Clone, Copy, Debug)]
+pub struct NetworkInput<'a> {
+    /// Joint state in the canonical frame.
+    pub state: JointState,
+    /// z of the point cloud, or its centroid ([`ObservationKind`]).
+    pub latent: &'a [f32],
+}
+
 /// The network of a policy, with its weights.
 #[derive(Clone, Debug)]
 pub enum Network {
@@ -136,25 +145,22 @@ impl Network {
         state: &JointState,
         observation: &Observation,
     ) -> Option<JointVector> {
-        self.canonical_acceleration(&observation.state_to_canonical(state), &observation.latent)
+        self.accelerations(&[observation.network_input(state)]).pop().flatten()
     }
 
-    /// q̈ (rad/s²) at a state in the canonical frame, for z or a position; `None` if it is not finite.
-    pub fn canonical_acceleration(
-        &self,
-        state: &JointState,
-        latent: &[f32],
-    ) -> Option<JointVector> {
+    /// q̈ (rad/s²) for each input of a batch; `None` where it is not finite. The bits do not depend on the
+    /// batch. A batch takes less time than its inputs in turn, because each weight is read once.
+    pub fn accelerations(&self, batch: &[NetworkInput]) -> Vec<Option<JointVector>> {
         match self {
-            Self::Ngf(ngf) => ngf.acceleration(state, latent),
-            Self::Mlp(mlp) => mlp.acceleration(state, latent),
+            Self::Ngf(ngf) => ngf.accelerations(batch),
+            Self::Mlp(mlp) => mlp.accelerations(batch),
         }
     }
 
     /// The neural fabric at a state in the canonical frame; `None` for the baseline.
-    pub fn fabric(&self, state: &JointState, observation: &[f32]) -> Option<NeuralFabric> {
+    pub fn fabric(&self, input: NetworkInput) -> Option<NeuralFabric> {
         match self {
-            Self::Ngf(ngf) => Some(ngf.outputs(state, observation).fabric(&state.qd)),
+            Self::Ngf(ngf) => Some(ngf.outputs(&[input]).pop()?.fabric(&input.state.qd)),
             Self::Mlp(_) => None,
         }
     }

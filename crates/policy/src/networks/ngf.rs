@@ -2,6 +2,7 @@
 //!
 //! q is in the canonical frame, with the object at azimuth 0 ([`crate::observation`]).
 
+use crate::networks::NetworkInput;
 use crate::networks::fabric_head::{NetworkOutputs, TRIANGLE_ENTRIES, unit_velocity};
 use crate::networks::fourier::{FourierFeatures, InputBlock, NUM_FEATURES};
 use crate::networks::mlp::{Activation, Mlp};
@@ -167,19 +168,15 @@ impl Subnetwork {
 }
 
 /// Inputs of one network (dimensionless): normalised q, velocity input if it has one, z.
-pub fn inputs(
-    subnetwork: &Subnetwork,
-    limits: &JointLimits,
-    state: &JointState,
-    z: &[f32],
-) -> Vec<f32> {
+pub fn inputs(subnetwork: &Subnetwork, limits: &JointLimits, input: &NetworkInput) -> Vec<f32> {
+    let NetworkInput { state, latent } = input;
     let mut x: Vec<f32> = limits.normalize(&state.q).iter().map(|&q| q as f32).collect();
     match subnetwork.velocity {
         VelocityInput::Absent => {}
         VelocityInput::Unit => x.extend(unit_velocity(&state.qd).iter().map(|&v| v as f32)),
         VelocityInput::Full => x.extend(state.qd.iter().map(|&v| (v / SPEED_SCALE) as f32)),
     }
-    x.extend(z);
+    x.extend(*latent);
     x
 }
 
@@ -210,51 +207,66 @@ impl Ngf {
         Ok(Self { limits: limits.clone(), config: config.clone(), networks })
     }
 
-    /// Outputs of the networks at a state, with ∂ψ/∂q by the chain rule through the features.
-    pub fn outputs(&self, state: &JointState, z: &[f32]) -> NetworkOutputs {
-        let features = |i: usize| {
-            self.networks[i].0.features(&inputs(&SUBNETWORKS[i], &self.limits, state, z))
+    /// Outputs of the networks for a batch, with ∂ψ/∂q by the chain rule through the features.
+    pub fn outputs(&self, batch: &[NetworkInput]) -> Vec<NetworkOutputs> {
+        let apply = |i: usize| self.networks[i].1.apply(&self.features(i, batch));
+        let (geometry_metrics, geometries) = (apply(GEOMETRY_METRIC), apply(GEOMETRY));
+        let (driving_metrics, damping) = (apply(DRIVING_METRIC), apply(DAMPING));
+        let features = self.features(POTENTIAL, batch);
+        let feature_gradients = self.networks[POTENTIAL].1.gradient(&features);
+        let row = |i: usize| {
+            let entries = i * TRIANGLE_ENTRIES..(i + 1) * TRIANGLE_ENTRIES;
+            let of_row = i * NUM_FEATURES..(i + 1) * NUM_FEATURES;
+            NetworkOutputs {
+                geometry_metric: geometry_metrics[entries.clone()].to_vec(),
+                geometry: geometries[i * DOF..(i + 1) * DOF].to_vec(),
+                driving_metric: driving_metrics[entries].to_vec(),
+                potential_gradient: self.potential_gradient(
+                    &batch[i].state,
+                    &features[of_row.clone()],
+                    &feature_gradients[of_row],
+                ),
+                damping: damping[i],
+            }
         };
-        let apply = |i: usize| self.networks[i].1.apply(&features(i));
-        let (fourier, potential) = &self.networks[POTENTIAL];
-        let at = features(POTENTIAL);
-        let gradient = fourier.vjp(&at, &potential.gradient(&at), DOF);
-        // q is normalised over its range, which maps to two units.
-        let per_radian = (self.limits.upper - self.limits.lower).map(|range| 2.0 / range as f32);
-        let quadratic = (state.q - JointVector::from(self.config.potential_center))
-            * self.config.base_stiffness;
-        NetworkOutputs {
-            geometry_metric: apply(GEOMETRY_METRIC),
-            geometry: apply(GEOMETRY),
-            driving_metric: apply(DRIVING_METRIC),
-            potential_gradient: gradient
-                .iter()
-                .zip(&per_radian)
-                .zip(&quadratic)
-                .map(|((g, scale), quadratic)| {
-                    g * self.config.potential_scale * scale + *quadratic as f32
-                })
-                .collect(),
-            damping: apply(DAMPING)[0],
-        }
+        (0..batch.len()).map(row).collect()
     }
 
-    /// q̈ (rad/s²) at a state and for z, in the canonical frame; `None` if it is not finite.
-    pub fn acceleration(&self, state: &JointState, z: &[f32]) -> Option<JointVector> {
-        let qdd = self.outputs(state, z).fabric(&state.qd).acceleration(&state.qd)?;
-        qdd.iter().all(|x| x.is_finite()).then_some(qdd)
+    /// Fourier features of network `i`, shape (batch, NUM_FEATURES).
+    fn features(&self, i: usize, batch: &[NetworkInput]) -> Vec<f32> {
+        let row = |input: &NetworkInput| inputs(&SUBNETWORKS[i], &self.limits, input);
+        self.networks[i].0.features(&batch.iter().flat_map(row).collect::<Vec<f32>>())
+    }
+
+    /// ∂ψ/∂q at a state, given the features and the gradient with respect to them.
+    fn potential_gradient(&self, state: &JointState, features: &[f32], of: &[f32]) -> Vec<f32> {
+        let gradient = self.networks[POTENTIAL].0.vjp(features, of, DOF);
+        // q is normalised over its range, which maps to two units.
+        let per_radian = (self.limits.upper - self.limits.lower).map(|range| 2.0 / range as f32);
+        let center = JointVector::from(self.config.potential_center);
+        let quadratic = (state.q - center) * self.config.base_stiffness;
+        let joints = gradient.iter().zip(&per_radian).zip(&quadratic);
+        let scale = self.config.potential_scale;
+        joints.map(|((g, per_radian), k)| g * scale * per_radian + *k as f32).collect()
+    }
+
+    /// q̈ (rad/s²) for each input of a batch; `None` where it is not finite.
+    pub fn accelerations(&self, batch: &[NetworkInput]) -> Vec<Option<JointVector>> {
+        let acceleration = |(outputs, input): (NetworkOutputs, &NetworkInput)| {
+            let qd = &input.state.qd;
+            let qdd = outputs.fabric(qd).acceleration(qd)?;
+            qdd.iter().all(|x| x.is_finite()).then_some(qdd)
+        };
+        self.outputs(batch).into_iter().zip(batch).map(acceleration).collect()
     }
 
     /// The potential ψ(q, z): quadratic potential plus network.
-    pub fn potential(&self, state: &JointState, z: &[f32]) -> f32 {
-        let (fourier, mlp) = &self.networks[POTENTIAL];
-        let quadratic = 0.5
-            * self.config.base_stiffness
-            * (state.q - JointVector::from(self.config.potential_center)).norm_squared();
-        let network =
-            mlp.apply(&fourier.features(&inputs(&SUBNETWORKS[POTENTIAL], &self.limits, state, z)))
-                [0];
-        quadratic as f32 + self.config.potential_scale * network
+    pub fn potential(&self, input: &NetworkInput) -> f32 {
+        let center = JointVector::from(self.config.potential_center);
+        let distance = (input.state.q - center).norm_squared();
+        let features = self.features(POTENTIAL, std::slice::from_ref(input));
+        let network = self.networks[POTENTIAL].1.apply(&features)[0];
+        (0.5 * self.config.base_stiffness * distance) as f32 + self.config.potential_scale * network
     }
 }
 
@@ -288,14 +300,14 @@ mod tests {
         let networks = SUBNETWORKS.iter().enumerate().map(network).collect();
         let mut ngf = Ngf { limits, config: config.clone(), networks };
         let z: Vec<f32> = (0..LATENT_DIM).map(|i| libm::cosf(i as f32)).collect();
-        let at = |q: JointVector| JointState { q, qd: JointVector::zeros() };
+        let at = |q: JointVector| NetworkInput { state: JointState::at_rest(q), latent: &z };
         let q = JointVector::from_fn(|i, _| 0.5 * libm::sin(i as f64));
-        let gradient = ngf.outputs(&at(q), &z).potential_gradient;
+        let gradient = ngf.outputs(&[at(q)])[0].potential_gradient.clone();
         let step = 0.02;
         for i in 0..DOF {
             let mut shift = JointVector::zeros();
             shift[i] = step;
-            let rise = ngf.potential(&at(q + shift), &z) - ngf.potential(&at(q - shift), &z);
+            let rise = ngf.potential(&at(q + shift)) - ngf.potential(&at(q - shift));
             let wanted = rise / (2.0 * step as f32);
             assert!((gradient[i] - wanted).abs() < 1e-2, "{i}: {} against {wanted}", gradient[i]);
         }
@@ -303,7 +315,7 @@ mod tests {
         ngf.config.base_stiffness = 450.0;
         ngf.config.potential_center = std::array::from_fn(|i| 0.1 * i as f64);
         let offset = q - JointVector::from(ngf.config.potential_center);
-        for (i, got) in ngf.outputs(&at(q), &z).potential_gradient.iter().enumerate() {
+        for (i, got) in ngf.outputs(&[at(q)])[0].potential_gradient.iter().enumerate() {
             let wanted = gradient[i] + 450.0 * offset[i] as f32;
             assert!((got - wanted).abs() < 1e-3, "{i}: {got} against {wanted}");
         }

@@ -5,7 +5,7 @@ use crate::attempt::attempt_state::AttemptState;
 use crate::attempt::live_driver::LiveDriver;
 use crate::attempt::replay_driver::ReplayDriver;
 use crate::rollout_context::RolloutContext;
-use robot::JointState;
+use robot::{JointState, JointVector};
 
 /// Source of commanded states and phase transitions.
 pub(crate) enum Driver {
@@ -16,14 +16,16 @@ pub(crate) enum Driver {
 }
 
 impl Driver {
-    /// The next commanded state, or the reason why there is none.
+    /// The next commanded state, or the reason why there is none. `qdd` is that of the network for
+    /// [`LiveDriver::network_input`].
     pub(crate) fn next_state(
         &mut self,
         state: &AttemptState,
         context: &RolloutContext,
+        qdd: Option<JointVector>,
     ) -> Result<JointState, FailureReason> {
         match self {
-            Self::Live(driver) => driver.next_state(state, context),
+            Self::Live(driver) => driver.next_state(state, context, qdd),
             Self::Replay(driver) => Ok(driver.next_state(state)),
         }
     }

@@ -6,8 +6,8 @@ use crate::attempt::controller::{ControllerProperties, Feedback, Motion};
 use crate::attempt::driver::PlannedStates;
 use crate::attempt::{FailureReason, Phase};
 use crate::rollout_context::RolloutContext;
-use policy::{Model, Observation};
-use robot::{JointState, integrator};
+use policy::{Model, NetworkInput, Observation};
+use robot::{JointState, JointVector, integrator};
 use scene::config::CONTROL_DT;
 
 /// A controller in its attempt.
@@ -33,36 +33,50 @@ impl LiveDriver {
         }
     }
 
-    /// The next commanded state, or the reason why there is none.
+    /// The next commanded state, or the reason why there is none. `qdd` is that of the network for
+    /// [`Self::network_input`].
     pub(crate) fn next_state(
         &mut self,
         state: &AttemptState,
         context: &RolloutContext,
+        qdd: Option<JointVector>,
     ) -> Result<JointState, FailureReason> {
-        match self.planned.next() {
-            Some(next) => Ok(next),
-            None if state.phase() == Phase::Policy => self.policy_step(state, context),
-            None => Ok(state.rest_state()),
+        if self.network_input(state, context).is_some() {
+            let qdd = qdd.ok_or(FailureReason::NotFinite)?;
+            return Ok(self.policy_step(state, context, &qdd));
+        }
+        Ok(self.planned.next().unwrap_or_else(|| state.rest_state()))
+    }
+
+    /// Input of the network if it computes the next step: in the policy phase, after all planned states.
+    pub(crate) fn network_input(
+        &self,
+        state: &AttemptState,
+        context: &RolloutContext,
+    ) -> Option<NetworkInput<'_>> {
+        let is_policy_step = self.planned.is_finished() && state.phase() == Phase::Policy;
+        let observation = self.observation.as_ref().filter(|_| is_policy_step)?;
+        self.network(context)?;
+        Some(observation.network_input(&self.feedback(state)))
+    }
+
+    /// Joint state from which the policy steps.
+    fn feedback(&self, state: &AttemptState) -> JointState {
+        match self.controller.feedback {
+            Feedback::Measured => state.measured(),
+            Feedback::Commanded => *state.commanded(),
         }
     }
 
-    /// One step of the policy; without a network, the robot holds its position.
+    /// One time step with q̈ of the network (Eq. 3 to 5).
     fn policy_step(
         &self,
         state: &AttemptState,
         context: &RolloutContext,
-    ) -> Result<JointState, FailureReason> {
-        let Some((model, observation)) = self.network(context) else {
-            return Ok(state.rest_state());
-        };
-        let from = match self.controller.feedback {
-            Feedback::Measured => state.measured(),
-            Feedback::Commanded => *state.commanded(),
-        };
-        let qdd = model.network.acceleration(&from, observation); // Eq. 3-5
-        let qdd = qdd.ok_or(FailureReason::NotFinite)?;
-        let next = integrator::step(&from, &qdd, CONTROL_DT); // Eq. 6, 7
-        Ok(context.robot.tree.limits.clamp_state(&next))
+        qdd: &JointVector,
+    ) -> JointState {
+        let next = integrator::step(&self.feedback(state), qdd, CONTROL_DT); // Eq. 6, 7
+        context.robot.tree.limits.clamp_state(&next)
     }
 
     /// The model and its observation, if the controller uses a network.

@@ -11,6 +11,7 @@ mod demonstration_library;
 mod driver;
 mod evidence;
 mod live_driver;
+mod lockstep;
 mod outcome;
 mod phase_clock;
 mod phases;
@@ -20,6 +21,7 @@ mod setup;
 pub use controller::Controller;
 pub use demonstration_library::DemonstrationLibrary;
 pub use evidence::{Evidence, Slip};
+pub use lockstep::Lockstep;
 pub use outcome::{FailureReason, Outcome};
 pub(crate) use phase_clock::PhaseStarts;
 pub use phases::Phase;
@@ -35,9 +37,9 @@ use driver::Driver;
 use geometry::Vec3;
 use live_driver::LiveDriver;
 use objects::object::Object;
-use policy::{Model, Observation};
+use policy::{Model, NetworkInput, Observation};
 use replay_driver::ReplayDriver;
-use robot::JointState;
+use robot::{JointState, JointVector};
 use scene::{ContactForce, Scene};
 use std::ops::RangeInclusive;
 
@@ -113,11 +115,24 @@ impl Attempt {
 
     /// Advances the attempt by one control period.
     pub fn step(&mut self, context: &RolloutContext) {
+        let input = self.network_input(context).zip(context.model.as_ref());
+        let qdd = input.and_then(|(input, model)| model.network.accelerations(&[input]).pop()?);
+        self.step_with(context, qdd);
+    }
+
+    /// Input of the network if it computes the next step; `None` in other phases and for other controllers.
+    pub(crate) fn network_input(&self, context: &RolloutContext) -> Option<NetworkInput<'_>> {
+        self.driver.live()?.network_input(&self.state, context)
+    }
+
+    /// Advances the attempt by one control period, with q̈ of the network for [`Self::network_input`]; `None`
+    /// if q̈ is not finite, or if the network does not compute this step.
+    pub(crate) fn step_with(&mut self, context: &RolloutContext, qdd: Option<JointVector>) {
         if self.phase() == Phase::Done {
             return;
         }
         self.disturbance.record_step();
-        let next = match self.driver.next_state(&self.state, context) {
+        let next = match self.driver.next_state(&self.state, context, qdd) {
             Ok(next) => next,
             Err(reason) => return self.state.fail(reason),
         };

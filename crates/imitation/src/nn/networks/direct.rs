@@ -4,11 +4,11 @@
 use crate::nn::{Params, mlp};
 use anyhow::{Result, bail};
 use candle_core::{Device, Tensor};
-use policy::PolicyConfig;
 use policy::networks::NetworkConfig;
 use policy::networks::acceleration_mlp::{TENSOR_PREFIX, inputs};
 use policy::networks::fourier::{FourierFeatures, NUM_FREQUENCIES};
 use policy::networks::mlp::Activation;
+use policy::{NetworkInput, PolicyConfig};
 use rand_chacha::ChaCha8Rng;
 use robot::{JointLimits, JointState};
 
@@ -85,7 +85,9 @@ impl DirectNetwork {
         let x: Vec<f32> = states
             .iter()
             .zip(observations)
-            .flat_map(|(state, observation)| inputs(&self.limits, state, observation))
+            .flat_map(|(state, latent)| {
+                inputs(&self.limits, &NetworkInput { state: *state, latent })
+            })
             .collect();
         let x = Tensor::from_vec(x.clone(), (states.len(), x.len() / states.len()), &Device::Cpu)?;
         let features = match &self.frequencies {

@@ -110,6 +110,7 @@ impl Network {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use policy::NetworkInput;
     use policy::networks::POLICY_NAMES;
     use policy::weights::Tensors;
     use rand::SeedableRng;
@@ -143,7 +144,8 @@ mod tests {
             let observations = vec![observation.as_slice(); 8];
             let got = network.forward(&params, &states, &observations).unwrap();
             for (state, got) in states.iter().zip(got.accelerations.to_vec2::<f32>().unwrap()) {
-                let expected = inference.canonical_acceleration(state, &observation).unwrap();
+                let input = NetworkInput { state: *state, latent: &observation };
+                let expected = inference.accelerations(&[input])[0].unwrap();
                 let error_of = |i: usize| (f64::from(got[i]) - expected[i]).abs();
                 let error = (0..DOF).map(error_of).fold(0.0, f64::max);
                 assert!(

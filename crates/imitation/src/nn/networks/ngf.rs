@@ -8,6 +8,7 @@ use crate::nn::ops::matmul_nt::MatmulNT;
 use crate::nn::{Params, linear, mlp};
 use anyhow::Result;
 use candle_core::{DType, Device, Tensor};
+use policy::NetworkInput;
 use policy::networks::fourier::{FourierFeatures, NUM_FREQUENCIES};
 use policy::networks::mlp::Activation;
 use policy::networks::ngf::{
@@ -157,7 +158,11 @@ impl Ngf {
         let (fourier, frequencies) = &self.fourier[part];
         let mut x = Vec::with_capacity(states.len() * fourier.num_inputs);
         for (state, z) in states.iter().zip(z) {
-            x.extend(inputs(&SUBNETWORKS[part], &self.limits, state, z));
+            x.extend(inputs(
+                &SUBNETWORKS[part],
+                &self.limits,
+                &NetworkInput { state: *state, latent: z },
+            ));
         }
         let x = Tensor::from_vec(x, (states.len(), fourier.num_inputs), &Device::Cpu)?;
         Ok(FeatureBatch::from_phases(&x.matmul(frequencies)?)?)
