@@ -17,12 +17,19 @@ mod statistics;
 mod worker;
 mod worker_scope;
 
+use wasm_bindgen::JsValue;
 use wasm_bindgen::prelude::wasm_bindgen;
 
-/// Starts handling messages and posts `ready`.
+/// Sets up the session and posts `ready`.
 #[wasm_bindgen]
 pub fn start() {
     worker::start();
+}
+
+/// Executes a request of the page, after [`start`].
+#[wasm_bindgen]
+pub fn receive(message: &JsValue) {
+    worker::receive(message);
 }
 
 #[cfg(test)]

@@ -3,10 +3,10 @@
 use crate::protocol::{Failure, ObjectInfo, ObjectLoaded, Shape};
 use crate::statistics::Tally;
 use geometry::Vec3;
-use mesh::{Mesh, SimplifyReport, VolumeSource};
+use mesh::{ImportedMesh, Mesh, SimplifyReport, VolumeSource};
 use objects::catalog::{YCB_FAMILY, entries_of_family};
 use objects::import::{
-    self, DEFAULT_DENSITY, ImportContext, ImportOptions, ImportedObject, MASS_RANGE, MassSource,
+    self, DEFAULT_DENSITY, ImportContext, ImportedObject, MASS_RANGE, MassSource, Orientation,
     stage,
 };
 use objects::object::Object;
@@ -62,19 +62,24 @@ pub(crate) fn load_built_in(name: &str) -> Result<LoadedObject, Failure> {
 fn stage_text(stage: &str, file_name: &str) -> String {
     match stage {
         stage::STABLE_POSES => format!("Computing stable poses of {file_name}"),
-        stage::DECOMPOSE => format!("Decomposing {file_name} into convex parts"),
-        _ => format!("Reading {file_name}"),
+        _ => format!("Decomposing {file_name} into convex parts"),
     }
 }
 
-/// Imports an object from a mesh file and reports progress texts.
+/// Makes an object from a mesh that module `mesh-reader` has read from a file, and reports progress texts.
 pub(crate) fn import_mesh(
     file_name: &str,
-    bytes: &[u8],
-    options: ImportOptions,
+    mesh: &[u8],
+    mass: Option<f32>,
+    orientation: Option<Orientation>,
     context: &RolloutContext,
     report: &dyn Fn(String),
 ) -> Result<LoadedObject, Failure> {
+    let mesh = ImportedMesh::from_bytes(mesh).map_err(|error| Failure {
+        code: "invalid_message",
+        message: format!("The mesh that was read from {file_name} is invalid: {error}."),
+        hint: "Reload the page; its files may be of different versions.".into(),
+    })?;
     let progress = |stage: &str, _: usize, _: usize| report(stage_text(stage, file_name));
     let import_context = ImportContext {
         choose_orientation: &|poses| context.most_familiar(poses),
@@ -82,7 +87,7 @@ pub(crate) fn import_mesh(
         progress: &progress,
         ..ImportContext::NONE
     };
-    let imported = import::import_object(file_name, bytes, options, &import_context);
+    let imported = import::object_from_mesh(file_name, mesh, mass, orientation, &import_context);
     let imported = imported.map_err(|error| {
         let (cause, hint) = error.cause_and_hint();
         Failure {
@@ -229,7 +234,7 @@ fn volume_note(source: VolumeSource) -> Option<&'static str> {
 mod tests {
     use super::*;
     use mesh::Unit;
-    use objects::import::{MAX_STABLE_POSES, Orientation};
+    use objects::import::{ImportOptions, MAX_STABLE_POSES};
     use wasm_bindgen_test::wasm_bindgen_test as test;
 
     /// Box of 40 x 60 x 120 units as an OBJ file.
@@ -238,7 +243,14 @@ mod tests {
 
     /// Imports without a model.
     fn import(name: &str, text: &str, options: ImportOptions) -> Result<LoadedObject, Failure> {
-        super::import_mesh(name, text.as_bytes(), options, &RolloutContext::new().unwrap(), &|_| ())
+        let mesh = mesh::import(text.as_bytes(), &options.mesh()).map_err(|error| Failure {
+            code: error.code(),
+            message: error.to_string(),
+            hint: String::new(),
+        })?;
+        let (bytes, context) = (mesh.to_bytes(), RolloutContext::new().unwrap());
+        let ImportOptions { mass, orientation, .. } = options;
+        super::import_mesh(name, &bytes, mass, orientation, &context, &|_| ())
     }
 
     #[test]
@@ -351,11 +363,12 @@ mod tests {
     }
 
     #[test]
-    fn invalid_file_reports_message_and_hint() {
-        let failure = import("notes.txt", "", ImportOptions::default()).err().unwrap();
-        assert_eq!(failure.code, "invalid_mesh");
-        assert!(failure.message.starts_with("notes.txt: the file is empty"), "{}", failure.message);
-        assert_eq!(failure.hint, "Export it again.");
+    fn mesh_of_another_version_is_reported() {
+        let context = RolloutContext::new().unwrap();
+        let failure = import_mesh("box.obj", BOX.as_bytes(), None, None, &context, &|_| ());
+        let failure = failure.err().unwrap();
+        assert_eq!(failure.code, "invalid_message");
+        assert!(failure.message.contains("box.obj"), "{}", failure.message);
     }
 
     #[test]

@@ -7,11 +7,9 @@ use crate::object_import::{self, LoadedObject};
 use crate::protocol::{Cloud, Event, Failure, Frame, Model, Progress, ProgressUnit, Request};
 use crate::session::{Session, start_failure};
 use crate::worker_scope::{invalid_message, now_ms, post, scope};
-use objects::import::ImportOptions;
 use std::cell::RefCell;
-use wasm_bindgen::JsCast;
 use wasm_bindgen::closure::Closure;
-use web_sys::MessageEvent;
+use wasm_bindgen::{JsCast, JsValue};
 
 /// Max time that messages wait for a batch (ms).
 const BATCH_SLICE_MS: f64 = 30.0;
@@ -36,7 +34,7 @@ thread_local! {
     static WORKER: RefCell<Option<Worker>> = const { RefCell::new(None) };
 }
 
-/// Sets up the session and registers the message handler.
+/// Sets up the session and posts `ready`.
 pub(crate) fn start() {
     std::panic::set_hook(Box::new(|info| {
         let failure = Failure {
@@ -48,16 +46,15 @@ pub(crate) fn start() {
     }));
     if let Err(failure) = init() {
         post(&Event::Failure(failure));
-        return;
     }
-    let on_message =
-        Closure::<dyn FnMut(MessageEvent)>::new(|event: MessageEvent| match Request::from_message(
-            &event.data(),
-        ) {
-            Ok(message) => with_worker(|worker| worker.receive(message)),
-            Err(error) => post(&Event::Failure(invalid_message(&error))),
-        });
-    scope().set_onmessage(Some(on_message.into_js_value().unchecked_ref()));
+}
+
+/// Executes a request of the page.
+pub(crate) fn receive(message: &JsValue) {
+    match Request::from_message(message) {
+        Ok(message) => with_worker(|worker| worker.receive(message)),
+        Err(error) => post(&Event::Failure(invalid_message(&error))),
+    }
 }
 
 fn init() -> Result<(), Failure> {
@@ -147,21 +144,16 @@ impl Worker {
             {
                 self.play_file(&file_name, &bytes);
             }
-            Request::Upload {
-                file_name,
-                bytes,
-                unit,
-                size_m: size,
-                scale,
-                up,
-                mass_kg: mass,
-                orientation,
-            } => {
-                let options = ImportOptions { unit, size, scale, up, mass, orientation };
+            Request::Upload { file_name, bytes, mass_kg, orientation } => {
                 let report = |text| post(&Event::Progress(Progress::indeterminate(text)));
                 let context = &self.session.context;
                 self.show_loaded(object_import::import_mesh(
-                    &file_name, &bytes, options, context, &report,
+                    &file_name,
+                    &bytes,
+                    mass_kg,
+                    orientation,
+                    context,
+                    &report,
                 ));
                 post(&Event::Progress(Progress::complete()));
             }

@@ -218,7 +218,7 @@ fn run_example(workspace: &Workspace, name: &str) -> Result<()> {
     run(&mut workspace.command(program, &[]))
 }
 
-/// The tests of crate `wasm`, in headless Chromium.
+/// The tests of the browser's crates, in headless Chromium.
 fn wasm_tests(workspace: &Workspace) -> Result<Command> {
     let chromium = chromium::find(workspace)?;
     tools::wasm_target(workspace)?;
@@ -227,9 +227,9 @@ fn wasm_tests(workspace: &Workspace) -> Result<Command> {
     if !runner.exists() {
         workspace.build_programs(&["wasm-test-runner"])?;
     }
-    let mut cargo = workspace.cargo(&["test", "-p", "wasm", "--target", "wasm32-unknown-unknown"]);
+    let mut cargo = workspace.cargo(&["test", "-p", "wasm", "-p", "mesh-reader"]);
     cargo
-        .arg("--no-fail-fast")
+        .args(["--target", "wasm32-unknown-unknown", "--no-fail-fast"])
         .env("CARGO_TARGET_WASM32_UNKNOWN_UNKNOWN_RUNNER", runner)
         .env("CHROMEDRIVER", chromium.driver)
         .env("WASM_BINDGEN_TEST_TIMEOUT", WASM_TEST_SECONDS);

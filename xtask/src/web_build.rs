@@ -8,7 +8,11 @@ use anyhow::Result;
 /// Program that generates the bindings: `xtask/wasm-bindings`.
 pub(crate) const GENERATOR: &str = "wasm-bindings";
 
-/// Builds `web/dist` from crate `wasm` and the sources in `web`.
+/// Packages of the wasm modules, and the names of their bindings in `web/sim`. The second one is loaded with the
+/// first mesh file.
+const MODULES: [(&str, &str); 2] = [("wasm", "sim"), ("mesh-reader", "mesh_reader")];
+
+/// Builds `web/dist` from [`MODULES`] and the sources in `web`.
 pub(crate) fn build(workspace: &Workspace) -> Result<()> {
     build_with(workspace, || workspace.build_programs(&[GENERATOR]))
 }
@@ -20,16 +24,11 @@ pub(crate) fn build_with(
 ) -> Result<()> {
     tools::node(workspace)?;
     tools::wasm_target(workspace)?;
-    let wasm = compile(workspace)?;
-    let sim = workspace.web().join("sim");
+    compile(workspace)?;
     generator()?;
-    let generator = workspace.program(GENERATOR);
-    let bindings = CachedStep {
-        name: "bindings",
-        inputs: vec![generator.clone(), wasm.clone()],
-        output: sim.clone(),
-    };
-    bindings.run(workspace, || run(workspace.command(generator, &[]).args([&wasm, &sim])))?;
+    for (module, name) in MODULES {
+        generate_bindings(workspace, module, name)?;
+    }
     tools::npm_packages(workspace, "packages", &workspace.web())?;
     let page = CachedStep {
         name: "page",
@@ -39,10 +38,26 @@ pub(crate) fn build_with(
     page.run(workspace, || run(&mut workspace.npm(&workspace.web(), &["run", "--silent", "build"])))
 }
 
-/// Builds the wasm module. Not cached here, because cargo detects unchanged inputs.
-fn compile(workspace: &Workspace) -> Result<std::path::PathBuf> {
-    let args =
-        ["build", "-q", "-p", "wasm", "--target", "wasm32-unknown-unknown", "--profile", "wasm"];
-    timed("wasm", || run(&mut workspace.cargo(&args)))?;
-    Ok(workspace.target.join("wasm32-unknown-unknown/wasm/wasm.wasm"))
+/// Builds the wasm modules. Not cached here, because cargo detects unchanged inputs.
+fn compile(workspace: &Workspace) -> Result<()> {
+    let mut args =
+        vec!["build", "-q", "--target", "wasm32-unknown-unknown", "--profile", "wasm", "--lib"];
+    for (package, _) in MODULES {
+        args.extend(["-p", package]);
+    }
+    timed("wasm", || run(&mut workspace.cargo(&args)))
+}
+
+/// Writes the bindings of a module to `web/sim`.
+fn generate_bindings(workspace: &Workspace, package: &str, name: &str) -> Result<()> {
+    let file = format!("wasm32-unknown-unknown/wasm/{}.wasm", package.replace('-', "_"));
+    let (wasm, folder) = (workspace.target.join(file), workspace.web().join("sim"));
+    let (generator, label) = (workspace.program(GENERATOR), format!("bindings-{name}"));
+    let bindings = CachedStep {
+        name: &label,
+        inputs: vec![generator.clone(), wasm.clone()],
+        output: folder.join(format!("{name}.js")),
+    };
+    let mut command = workspace.command(generator, &[]);
+    bindings.run(workspace, || run(command.arg(&wasm).arg(name).arg(&folder)))
 }

@@ -15,6 +15,7 @@
 mod convex_decomposition;
 mod convex_hull;
 mod error;
+mod imported_mesh;
 mod io;
 mod mass_properties;
 mod options;
@@ -32,6 +33,7 @@ mod up_axis;
 pub use convex_decomposition::{ConvexDecomposition, Method, decompose};
 pub use convex_hull::convex_hull;
 pub use error::{Location, MeshError};
+pub use imported_mesh::ImportedMesh;
 pub use io::{
     ExternalFiles, FORMATS, MAX_BYTES, MAX_TRIANGLES, MeshFormat, NO_EXTERNAL_FILES, format_list,
     read, read_with_files,
@@ -54,23 +56,6 @@ pub struct Mesh {
     pub vertices: Vec<Vec3>,
     /// Corner indices into `vertices`, counter-clockwise seen from outside.
     pub triangles: Vec<[u32; 3]>,
-}
-
-/// Repaired and scaled mesh, with the assumptions and repairs of the import.
-#[derive(Clone, Debug, PartialEq)]
-pub struct ImportedMesh {
-    /// Repaired mesh (m), with the origin and axes of the file: not centred, not rotated, not on the ground.
-    /// glTF is converted to z up.
-    pub mesh: Mesh,
-    /// Unit of the file's coordinates, with the reason.
-    pub unit: ResolvedUnit,
-    /// Counts of the repairs and of the remaining defects.
-    pub repair: RepairReport,
-    /// Result of the simplification (m), if the file had more than [`SIMPLIFY_ABOVE_TRIANGLES`] triangles.
-    pub simplified: Option<SimplifyReport>,
-    /// Whether the mesh appears to be y-up, in a format that does not define the up axis. The mesh is not
-    /// rotated; see [`StablePose::is_y_up`].
-    pub is_y_up: bool,
 }
 
 /// Accepted length (m) of the longest side of the bounding box.

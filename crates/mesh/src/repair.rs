@@ -24,7 +24,7 @@ pub(crate) use winding::closed_surface;
 use winding::orient_triangles;
 
 /// Counts of the repairs and of the remaining defects.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, serde::Deserialize, serde::Serialize)]
 pub struct RepairReport {
     /// Vertices removed as duplicates within `WELD_TOLERANCE`, or because no triangle uses them.
     pub removed_vertices: usize,

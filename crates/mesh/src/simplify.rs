@@ -11,7 +11,7 @@ use std::collections::HashMap;
 const MAX_GRID_CELLS: u16 = 256;
 
 /// Result of a simplification.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Deserialize, serde::Serialize)]
 pub struct SimplifyReport {
     /// Triangles before the simplification.
     pub triangles_before: usize,

@@ -24,7 +24,7 @@ pub enum Unit {
 }
 
 /// Unit of a mesh, with the reason for the choice.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, serde::Deserialize, serde::Serialize)]
 pub struct ResolvedUnit {
     /// Resolved unit. If the size is given, it is the unit of the format, or the metre.
     pub unit: Unit,

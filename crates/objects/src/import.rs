@@ -91,6 +91,9 @@ pub mod stage {
     pub const DECOMPOSE: &str = "convex parts";
 }
 
+/// Number of [`stage`]s.
+const NUM_STAGES: usize = 3;
+
 /// Chooses a stable pose for a mesh that is unstable in the orientation of its file.
 ///
 /// Receives the mesh in each stable pose, the most stable first; returns the index of one. `None` selects the
@@ -142,19 +145,30 @@ pub fn import_object(
     options: ImportOptions,
     context: &ImportContext,
 ) -> Result<ImportedObject, MeshError> {
-    let report = |stage, done| context.progress.update(stage, done, 3);
-    report(stage::PARSE, 0);
-    let ImportedMesh { mesh, unit, repair, simplified, is_y_up } =
-        mesh::import_with_files(bytes, &options.mesh(), context.files)?;
+    context.progress.update(stage::PARSE, 0, NUM_STAGES);
+    let imported = mesh::import_with_files(bytes, &options.mesh(), context.files)?;
+    object_from_mesh(file_name, imported, options.mass, options.orientation, context)
+}
+
+/// The part of [`import_object`] after the file is read. `mass` (kg) and `orientation` are those of the options.
+pub fn object_from_mesh(
+    file_name: &str,
+    imported: ImportedMesh,
+    mass: Option<f32>,
+    orientation: Option<Orientation>,
+    context: &ImportContext,
+) -> Result<ImportedObject, MeshError> {
+    let report = |stage, done| context.progress.update(stage, done, NUM_STAGES);
+    let ImportedMesh { mesh, unit, repair, simplified, is_y_up } = imported;
     let properties = mesh::solid_properties(&mesh, repair.watertight)?;
-    let (kg, mass_source) = estimate_mass(properties.volume, options.mass);
+    let (kg, mass_source) = estimate_mass(properties.volume, mass);
     report(stage::STABLE_POSES, 1);
     let candidates = Candidates::of(&mesh, &properties, is_y_up);
     let poses = candidates.offered(&|pose| {
         let object = object_on_hull(&mesh, &properties, &pose.rotation, kg);
         object.is_ok_and(|object| (context.rests)(&object))
     });
-    let (orientation, reason) = poses.choose(&mesh, options.orientation, context);
+    let (orientation, reason) = poses.choose(&mesh, orientation, context);
     let poses = poses.stable;
     let (mesh, properties, orientation) = match orientation {
         Orientation::StablePose(index) if index < poses.len() => {

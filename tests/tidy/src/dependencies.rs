@@ -12,9 +12,10 @@ use toml::{Table, Value};
 /// ARCHITECTURE.md describes the crates. `policy`, `rollout` and their dependencies run in the browser and
 /// must not depend on candle. `server` links no physics, training or Parquet: jobs, and the commands that read
 /// a dataset, run in worker processes.
-pub(crate) const ALLOWED_DEPENDENCIES: [(&str, &[&str]); 28] = [
+pub(crate) const ALLOWED_DEPENDENCIES: [(&str, &[&str]); 29] = [
     ("progress", &[]),
     ("mesh", &[]),
+    ("mesh-reader", &["mesh"]),
     ("geometry", &["mesh"]),
     ("objects", &["progress", "mesh", "geometry"]),
     ("robot", &["geometry"]),
@@ -115,7 +116,7 @@ const CONFINED_LIBRARIES: [(&str, &[&str]); 11] = [
     ("sqlx", &["server"]),
     ("object_store", &["server"]),
     ("tokio", &["server", "ngf", "ngf-worker", "fuzz"]),
-    ("wasm-bindgen", &["wasm"]),
+    ("wasm-bindgen", &["mesh-reader", "wasm"]),
 ];
 
 /// Manifests of all workspace members by package name.

@@ -1,36 +1,26 @@
-//! Requests of the page.
+//! Requests of the page to the simulation.
 
 use super::{Drag, PlanarPose};
 use js_sys::{Object, Reflect};
-use mesh::{Unit, UpAxis};
 use objects::import::Orientation;
 use serde::Deserialize;
 use serde_bytes::ByteBuf;
 use wasm_bindgen::JsValue;
 
-/// Request of the page. In JavaScript, `kind` is a field next to the others.
+/// Request to the simulation. In JavaScript, `kind` is a field next to the others.
 #[derive(Debug, Deserialize)]
-#[cfg_attr(test, derive(ts_rs::TS), ts(rename = "WorkerRequest", tag = "kind"))]
+#[cfg_attr(test, derive(ts_rs::TS), ts(rename = "SimRequest", tag = "kind"))]
 #[serde(rename_all = "camelCase", rename_all_fields = "camelCase")]
 pub(crate) enum Request {
     LoadObject {
         object: String,
     },
-    /// A mesh, or a demonstration or a recorded attempt (JSON).
+    /// A mesh in the bytes of module `mesh-reader`, or a demonstration or a recorded attempt (JSON).
     Upload {
         file_name: String,
         #[serde(with = "serde_bytes")]
         #[cfg_attr(test, ts(type = "ArrayBuffer"))]
         bytes: Vec<u8>,
-        #[cfg_attr(test, ts(type = "Unit | null"))]
-        unit: Option<Unit>,
-        /// Length (m) of the longest side, instead of unit and scale.
-        size_m: Option<f32>,
-        /// Factor on the coordinates, in addition to the unit.
-        scale: Option<f32>,
-        /// Axis of the file that points up.
-        #[cfg_attr(test, ts(type = "UpAxis | null"))]
-        up: Option<UpAxis>,
         mass_kg: Option<f32>,
         #[cfg_attr(test, ts(type = "Orientation | null"))]
         orientation: Option<Orientation>,

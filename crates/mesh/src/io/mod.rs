@@ -75,8 +75,9 @@ pub(crate) fn read_format(
         return Err(MeshError::Empty);
     }
     let detect = |has_magic: bool| {
-        let mut formats = FORMATS.iter().filter(|format| format.has_magic == has_magic);
-        formats.find_map(|format| Some(((format.detect)(bytes)?, format)))
+        let parsers = FORMATS.iter().zip(&PARSERS);
+        let mut parsers = parsers.filter(|(_, parser)| parser.has_magic == has_magic);
+        parsers.find_map(|(format, parser)| Some(((parser.detect)(bytes)?, format)))
     };
     // The text before a binary STL may begin like another format.
     let exact = stl::detect_exact(bytes).map(|read| (read, &FORMATS[STL]));
@@ -118,7 +119,7 @@ const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
 /// Parser of one format.
 type Reader = fn(&[u8], &ExternalFiles) -> Result<Mesh, MeshError>;
 
-/// A mesh format. A new format is a module of this folder and a row of [`FORMATS`].
+/// A mesh format. A new format is a module of this folder, and a row of [`FORMATS`] and of [`PARSERS`].
 pub struct MeshFormat {
     /// Names in messages and help texts.
     pub names: &'static [&'static str],
@@ -128,6 +129,10 @@ pub struct MeshFormat {
     pub(crate) unit: Option<FormatUnit>,
     /// Axis of the file that points up, if the format defines it or its files agree on it.
     pub(crate) up: Option<UpAxis>,
+}
+
+/// Parser of a mesh format. Apart from [`MeshFormat`], so that messages about formats do not link the parsers.
+struct Parser {
     /// Whether the first bytes identify the format. Formats without magic bytes are tried last, after other
     /// known file types are excluded.
     has_magic: bool,
@@ -142,38 +147,34 @@ pub const FORMATS: [MeshFormat; 5] = [
         extensions: &["glb", "gltf"],
         unit: Some(FormatUnit { unit: Unit::Metre, reason: "as glTF defines" }),
         up: Some(UpAxis::Y),
-        has_magic: true,
-        detect: |bytes| gltf::is_gltf(bytes).then_some(gltf::read as Reader),
     },
-    MeshFormat {
-        names: &["OFF"],
-        extensions: &["off"],
-        unit: None,
-        up: None,
-        has_magic: true,
-        detect: |bytes| off::is_off(bytes).then_some((|b, _| off::read(b)) as Reader),
-    },
-    MeshFormat {
-        names: &["PLY"],
-        extensions: &["ply"],
-        unit: None,
-        up: None,
-        has_magic: true,
-        detect: |bytes| ply::is_ply(bytes).then_some((|b, _| ply::read(b)) as Reader),
-    },
+    MeshFormat { names: &["OFF"], extensions: &["off"], unit: None, up: None },
+    MeshFormat { names: &["PLY"], extensions: &["ply"], unit: None, up: None },
     MeshFormat {
         names: &["STL"],
         extensions: &["stl"],
         unit: Some(FormatUnit { unit: Unit::Millimetre, reason: "as usual in STL" }),
         up: Some(UpAxis::Z),
-        has_magic: false,
-        detect: stl::detect,
     },
-    MeshFormat {
-        names: &["OBJ"],
-        extensions: &["obj"],
-        unit: None,
-        up: None,
+    MeshFormat { names: &["OBJ"], extensions: &["obj"], unit: None, up: None },
+];
+
+/// Parsers of [`FORMATS`], in the same order.
+const PARSERS: [Parser; 5] = [
+    Parser {
+        has_magic: true,
+        detect: |bytes| gltf::is_gltf(bytes).then_some(gltf::read as Reader),
+    },
+    Parser {
+        has_magic: true,
+        detect: |bytes| off::is_off(bytes).then_some((|b, _| off::read(b)) as Reader),
+    },
+    Parser {
+        has_magic: true,
+        detect: |bytes| ply::is_ply(bytes).then_some((|b, _| ply::read(b)) as Reader),
+    },
+    Parser { has_magic: false, detect: stl::detect },
+    Parser {
         has_magic: false,
         detect: |bytes| obj::is_obj(bytes).then_some((|b, _| obj::read(b)) as Reader),
     },

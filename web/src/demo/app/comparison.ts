@@ -3,8 +3,8 @@
 import { element } from "../../common/dom";
 import { fillWithModels } from "../panel/policy_options";
 import type { View } from "../view/view";
-import type { FailureEvent } from "../worker/messages";
-import type { Outcome, WorkerRequest } from "../worker/protocol";
+import type { FailureEvent, WorkerRequest } from "../worker/messages";
+import type { Outcome } from "../worker/protocol";
 import { asSecondary, isFatal, loadModelRequest, WorkerClient } from "../worker/worker_client";
 import { EventBus } from "./event_bus";
 import { COMPARISON } from "./strings";

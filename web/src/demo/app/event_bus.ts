@@ -2,7 +2,8 @@
 // in the order of their subscription.
 
 import type { Layer } from "../view/view";
-import type { AttemptFinished, Model, WorkerEvent, WorkerRequest } from "../worker/protocol";
+import type { WorkerRequest } from "../worker/messages";
+import type { AttemptFinished, Model, WorkerEvent } from "../worker/protocol";
 
 // The events of the first worker, and those of the page itself.
 export type PageEvent =

@@ -1,7 +1,8 @@
 // Introduction: replays a recording until the policy is loaded, then runs an attempt of the policy. Any user
 // action ends it.
 
-import type { Model, Outcome, WorkerRequest } from "../worker/protocol";
+import type { WorkerRequest } from "../worker/messages";
+import type { Model, Outcome } from "../worker/protocol";
 import type { EventBus } from "./event_bus";
 import recordingUrl from "./recording.json?url";
 

@@ -1,11 +1,9 @@
 // Session state to replay into a new worker: object, pose, speed.
 
 import { DEFAULT_OPTIONS } from "../worker/messages";
-import type { ImportOptions } from "../worker/messages";
-import type { Frame, ObjectLoaded, Orientation, OrientationReason, WorkerRequest } from "../worker/protocol";
+import type { ImportOptions, Upload, WorkerRequest } from "../worker/messages";
+import type { Frame, ObjectLoaded, Orientation, OrientationReason } from "../worker/protocol";
 import type { EventBus } from "./event_bus";
-
-type Upload = Extract<WorkerRequest, { kind: "upload" }>;
 
 // Request that loaded the current object, and its file for an upload.
 type CurrentObject =

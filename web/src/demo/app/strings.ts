@@ -196,6 +196,7 @@ export const LINK = {
 } as const;
 
 export const FILES = {
+  reading: (file: string) => `Reading ${file}`,
   cannotOpen: (archive: string, why: string) => `${archive} cannot be opened: ${why}`,
   noMesh: (archive: string) => `${archive} contains no ${MESH_FORMATS} file`,
   encrypted: "it is encrypted",

@@ -3,11 +3,8 @@
 
 import { FILES } from "../app/strings";
 import { DEFAULT_OPTIONS } from "../worker/messages";
-import type { FailureEvent, ImportOptions } from "../worker/messages";
-import type { WorkerRequest } from "../worker/protocol";
+import type { FailureEvent, ImportOptions, Upload, WorkerRequest } from "../worker/messages";
 import { isRecording } from "./dropped_files";
-
-type Upload = Extract<WorkerRequest, { kind: "upload" }>;
 
 export interface UploadEvents {
   // Send the request to the workers.

@@ -6,7 +6,8 @@ import { outOf } from "../../common/strings";
 import type { EventBus } from "../app/event_bus";
 import { BATCH } from "../app/strings";
 import { download } from "../files/download";
-import type { AttemptFinished, WorkerRequest } from "../worker/protocol";
+import type { WorkerRequest } from "../worker/messages";
+import type { AttemptFinished } from "../worker/protocol";
 import { AttemptTable } from "./attempt_table";
 import { WorkspaceMap } from "./workspace_map";
 

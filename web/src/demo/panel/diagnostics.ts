@@ -5,7 +5,8 @@ import { element, h, svg } from "../../common/dom";
 import type { EventBus } from "../app/event_bus";
 import { DIAGNOSTICS } from "../app/strings";
 import { isNearLimit } from "../view/joint_limit_highlight";
-import type { Frame, Joint, TelemetrySample, WorkerRequest } from "../worker/protocol";
+import type { WorkerRequest } from "../worker/messages";
+import type { Frame, Joint, TelemetrySample } from "../worker/protocol";
 
 // Joint groups in the order of `Ready`, with their numbers of joints.
 const GROUPS: [string, number][] = [

@@ -4,8 +4,8 @@ import { element, h } from "../../common/dom";
 import { duration } from "../../common/numbers";
 import type { EventBus } from "../app/event_bus";
 import { SEARCH } from "../app/strings";
-import type { FailureEvent } from "../worker/messages";
-import type { GraspsFound, SearchBatch, WorkerRequest } from "../worker/protocol";
+import type { FailureEvent, WorkerRequest } from "../worker/messages";
+import type { GraspsFound, SearchBatch } from "../worker/protocol";
 import { SearchWorkers } from "../worker/search_workers";
 import { asSecondary } from "../worker/worker_client";
 

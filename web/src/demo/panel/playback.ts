@@ -3,7 +3,8 @@
 import { element } from "../../common/dom";
 import type { EventBus } from "../app/event_bus";
 import { PLAYBACK } from "../app/strings";
-import type { Frame, WorkerRequest } from "../worker/protocol";
+import type { WorkerRequest } from "../worker/messages";
+import type { Frame } from "../worker/protocol";
 import { Timeline } from "./timeline";
 
 // Below this fraction of the requested speed, the real-time factor is highlighted.

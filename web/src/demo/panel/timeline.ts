@@ -2,7 +2,8 @@
 
 import { element } from "../../common/dom";
 import { PLAYBACK } from "../app/strings";
-import type { Frame, WorkerRequest } from "../worker/protocol";
+import type { WorkerRequest } from "../worker/messages";
+import type { Frame } from "../worker/protocol";
 
 // Control period (s).
 const TICK_S = 1 / 30;

@@ -2,8 +2,8 @@
 
 import type { EventBus } from "../app/event_bus";
 import { LINK } from "../app/strings";
-import type { FailureEvent, ImportOptions } from "../worker/messages";
-import type { Frame, ObjectLoaded, Outcome, Ready, WorkerRequest } from "../worker/protocol";
+import type { FailureEvent, ImportOptions, WorkerRequest } from "../worker/messages";
+import type { Frame, ObjectLoaded, Outcome, Ready } from "../worker/protocol";
 import type { ShareLink } from "./share_link";
 
 export interface SharedAttemptEvents {

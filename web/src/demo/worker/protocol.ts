@@ -285,21 +285,9 @@ export type WorkerEvent = { "kind": "ready" } & Ready | { "kind": "object" } & O
 index: number, result: Uint8Array, } | { "kind": "graspsFound" } & GraspsFound | { "kind": "file" } & SavedFile | { "kind": "failure" } & Failure;
 
 /**
- * Request of the page. In JavaScript, `kind` is a field next to the others.
+ * Request to the simulation. In JavaScript, `kind` is a field next to the others.
  */
-export type WorkerRequest = { "kind": "loadObject", object: string, } | { "kind": "upload", fileName: string, bytes: ArrayBuffer, unit: Unit | null,
-/**
- * Length (m) of the longest side, instead of unit and scale.
- */
-sizeM: number | null,
-/**
- * Factor on the coordinates, in addition to the unit.
- */
-scale: number | null,
-/**
- * Axis of the file that points up.
- */
-up: UpAxis | null, massKg: number | null, orientation: Orientation | null, } | { "kind": "loadModel", id: string, base: string, onlyIfIdle: boolean, } | { "kind": "place", pose: PlanarPose, } | { "kind": "placeBySeed", seed: number, } | { "kind": "grasp", seed: number, } | { "kind": "pause" } | { "kind": "resume" } | { "kind": "step" } | { "kind": "reset" } | { "kind": "speed", factor: number, } | { "kind": "seek", tick: number, } | { "kind": "streamTelemetry", on: boolean, } | { "kind": "batch", seed: number, attempts: number,
+export type SimRequest = { "kind": "loadObject", object: string, } | { "kind": "upload", fileName: string, bytes: ArrayBuffer, massKg: number | null, orientation: Orientation | null, } | { "kind": "loadModel", id: string, base: string, onlyIfIdle: boolean, } | { "kind": "place", pose: PlanarPose, } | { "kind": "placeBySeed", seed: number, } | { "kind": "grasp", seed: number, } | { "kind": "pause" } | { "kind": "resume" } | { "kind": "step" } | { "kind": "reset" } | { "kind": "speed", factor: number, } | { "kind": "seek", tick: number, } | { "kind": "streamTelemetry", on: boolean, } | { "kind": "batch", seed: number, attempts: number,
 /**
  * Batch id, part of the resulting events.
  */

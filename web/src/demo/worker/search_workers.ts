@@ -1,7 +1,7 @@
 // Workers of one grasp search. The page's worker decides on batches of tasks; these workers execute them.
 
-import type { FailureEvent } from "./messages";
-import type { SearchBatch, WorkerEvent, WorkerRequest } from "./protocol";
+import type { FailureEvent, WorkerRequest } from "./messages";
+import type { SearchBatch, WorkerEvent } from "./protocol";
 import { WorkerClient } from "./worker_client";
 
 // Workers per search. More than the cores would slow down the attempt in the view.

@@ -3,8 +3,8 @@
 
 import { ERRORS } from "../app/strings";
 import { acquireWorker } from "./early_worker";
-import type { FailureEvent } from "./messages";
-import type { WorkerEvent, WorkerRequest } from "./protocol";
+import type { FailureEvent, WorkerRequest } from "./messages";
+import type { WorkerEvent } from "./protocol";
 
 export function loadModelRequest(id: string, onlyIfIdle = false): WorkerRequest {
   return { kind: "loadModel", id, base: new URL(".", document.baseURI).href, onlyIfIdle };
