@@ -9,6 +9,7 @@
 //! [grasps]: ../grasps/index.html
 //! [imitation]: ../imitation/index.html
 //! [mesh]: ../mesh/index.html
+//! [mesh-reader]: ../mesh_reader/index.html
 //! [ngf]: ../ngf/index.html
 //! [ngf-worker]: ../ngf_worker/index.html
 //! [objects]: ../objects/index.html

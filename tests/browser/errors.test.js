@@ -108,6 +108,21 @@ test("page with a missing script shows a message", async () => {
   await page.close();
 });
 
+test("missing mesh reader is reported, and the file can be selected again", async () => {
+  const { page } = await visit(served);
+  await untilReady(page);
+  await page.route("**/mesh_reader_bg*", (route) => route.abort());
+  await page.setInputFiles("#file", { name: "box.obj", mimeType: "model/obj", buffer: Buffer.from(BOX) });
+  const card = page.locator('[data-code="mesh_reader_failed"]');
+  await card.waitFor();
+  assert.match(await card.textContent(), /box\.obj could not be read.*select the file again/s);
+  assert.ok(await page.isChecked("input[value=sugar_box]"));
+  await page.unroute("**/mesh_reader_bg*");
+  await page.click('#objects label:has-text("box.obj")');
+  await page.waitForFunction(() => document.getElementById("info-size").textContent.includes("12.0"));
+  await page.close();
+});
+
 test("unexpected error of the page is reported", async () => {
   const { page } = await visit(served);
   await page.evaluate(() => {

@@ -40,7 +40,7 @@ fn rows() {
     let parts = mesh::decompose(&bottle.mesh).hulls;
     let object = Object::new("bleach", bottle.mesh, true, parts, bottle.mass, 0.8).expect("parts");
 
-    let (mut steps, mut ticks) = (Vec::new(), Vec::new());
+    let mut ticks = Vec::new();
     for seed in 0..ATTEMPTS {
         let mut attempt = Attempt::new(&context, &object, "bleach", None, seed, Controller::Policy)
             .expect("an attempt");
@@ -55,15 +55,15 @@ fn rows() {
     }
     // Timers in browsers are coarse, so ten steps are timed together.
     let state = JointState::at_rest(context.robot.nominal);
-    for _ in 0..30 {
+    let batch = [NetworkInput { state, latent: &[0.5; 32] }; 8];
+    let ten_steps = |batch: &[NetworkInput]| {
         let start = now();
         for _ in 0..10 {
-            std::hint::black_box(
-                model.network.accelerations(&[NetworkInput { state, latent: &[0.5; 32] }]),
-            );
+            std::hint::black_box(model.network.accelerations(batch));
         }
-        steps.push((now() - start) / 10.0);
-    }
-    row("policy_step_wasm", steps);
+        (now() - start) / 10.0
+    };
+    row("policy_step_wasm", (0..30).map(|_| ten_steps(&batch[..1])).collect());
+    row("policy_step_8_wasm", (0..30).map(|_| ten_steps(&batch)).collect());
     row("tick_wasm", ticks);
 }

@@ -9,9 +9,9 @@ mod telemetry;
 mod typescript;
 
 pub(crate) use event::{
-    AttemptFinished, BuiltIn, Cloud, DepthCamera, Event, Failure, Frame, GraspsFound, Joint, Link,
-    Model, ObjectInfo, ObjectLoaded, Outcome, Phase, PlaybackInfo, Progress, ProgressUnit, Ready,
-    Rectangle, SavedFile, SearchBatch, Shape, Table,
+    AttemptFinished, BatchAttempt, BuiltIn, Cloud, DepthCamera, Event, Failure, Frame, GraspsFound,
+    Joint, Link, Model, ObjectInfo, ObjectLoaded, Outcome, Phase, PlaybackInfo, Progress,
+    ProgressUnit, Ready, Rectangle, SavedFile, SearchBatch, Shape, Table,
 };
 pub(crate) use request::Request;
 pub(crate) use telemetry::TelemetrySample;

@@ -12,7 +12,7 @@ use crate::history::History;
 use crate::object_import::{self, LoadedObject};
 use crate::outcome_text;
 use crate::protocol::{
-    AttemptFinished, BuiltIn, DepthCamera, Drag, Failure, Joint, Link, ObjectLoaded, Outcome,
+    BatchAttempt, BuiltIn, DepthCamera, Drag, Failure, Joint, Link, ObjectLoaded, Outcome,
     PlanarPose, PlaybackInfo, Ready, Rectangle, SavedFile, Shape, Table,
 };
 use crate::robot_visuals;
@@ -22,6 +22,7 @@ use grasps::search::GraspSearch;
 use rollout::{Attempt, RolloutContext};
 use scene::config::CONTROL_DT;
 use scene::scene_hash;
+use serde_bytes::ByteBuf;
 use std::collections::BTreeMap;
 
 /// Robot, table and object, with or without an attempt.
@@ -253,29 +254,17 @@ impl Session {
         self.history.seek(tick);
     }
 
-    /// Result of a finished attempt of a batch, which is counted.
-    pub(crate) fn finish_batch_attempt(
-        &mut self,
-        batch_id: u32,
-        batch_tally: Tally,
-        attempt: &Attempt,
-        outcome: rollout::Outcome,
-    ) -> AttemptFinished {
-        let [x, y, yaw] = attempt.pose();
-        let seed = attempt.seed() as u32;
+    /// Counts an attempt of a batch. Returns the counts of the current policy with the object.
+    pub(crate) fn count_batch_attempt(&mut self, attempt: &BatchAttempt) -> Tally {
+        let PlanarPose { x, y, yaw } = attempt.pose;
         let statistics = self.statistics.entry(self.statistics_key()).or_default();
-        statistics.count(seed, attempt.pose(), outcome.is_lifted());
-        AttemptFinished {
-            batch_id,
-            seed,
-            pose: PlanarPose { x, y, yaw },
-            lifted: outcome.is_lifted(),
-            text: outcome_text::headline(attempt, outcome).to_owned(),
-            time: attempt.ticks() as f64 * CONTROL_DT,
-            final_state_hash: attempt.state_hash(),
-            batch_tally,
-            tally: statistics.tally(),
-        }
+        statistics.count(attempt.seed, [x, y, yaw], attempt.lifted);
+        statistics.tally()
+    }
+
+    /// The current object for another worker.
+    pub(crate) fn object_bytes(&self) -> ByteBuf {
+        ByteBuf::from(self.loaded.object.to_bytes())
     }
 
     /// The attempt as a file for `ngf replay`; `None` for disturbed attempts, which are not reproducible.
@@ -311,6 +300,22 @@ impl Session {
             disturbed: attempt.was_disturbed(),
             final_state_hash,
             tally: statistics.tally(),
+        })
+    }
+}
+
+impl BatchAttempt {
+    /// `None` before the outcome.
+    pub(crate) fn of(attempt: &Attempt) -> Option<Self> {
+        let outcome = attempt.outcome()?;
+        let [x, y, yaw] = attempt.pose();
+        Some(Self {
+            seed: attempt.seed() as u32,
+            pose: PlanarPose { x, y, yaw },
+            lifted: outcome.is_lifted(),
+            text: outcome_text::headline(attempt, outcome).to_owned(),
+            time: attempt.ticks() as f64 * CONTROL_DT,
+            final_state_hash: attempt.state_hash(),
         })
     }
 }

@@ -1,6 +1,6 @@
 //! Message loop of the Web Worker: dispatches requests to the session and steps it in real time.
 
-use crate::batch::Batch;
+use crate::batch::{Batch, Share};
 use crate::clock::Clock;
 use crate::fetch;
 use crate::object_import::{self, LoadedObject};
@@ -193,16 +193,31 @@ impl Worker {
                 }
                 self.schedule_tick();
             }
-            Request::Batch { seed, attempts, batch_id } => {
+            Request::Batch { seed, attempts, batch_id, workers } => {
                 self.end_batch();
-                self.batch = Some(Batch::new(batch_id, seed, attempts));
+                self.batch = Some(Batch::new(batch_id, seed, attempts, workers));
+                if workers > 1 {
+                    let object = self.session.object_bytes();
+                    post(&Event::BatchStarted { batch_id, object });
+                }
                 self.schedule_tick();
+            }
+            Request::TakeAttempts { batch_id, worker } => {
+                let batch = self.batch.as_mut().filter(|batch| batch.id() == batch_id);
+                let Share { seed, attempts } = batch.map(Batch::take).unwrap_or_default();
+                return post(&Event::AttemptsTaken { worker, seed, attempts });
+            }
+            Request::CountAttempt { batch_id, attempt } => {
+                let batch = self.batch.as_mut().filter(|batch| batch.id() == batch_id);
+                let counted = batch.and_then(|batch| batch.count(attempt, &mut self.session));
+                counted.into_iter().for_each(|counted| post(&Event::AttemptFinished(counted)));
+                return self.end_finished_batch();
             }
             Request::CancelBatch => self.end_batch(),
             Request::SearchGrasps { is_long } => post(&self.session.start_search(is_long)),
             Request::CancelSearch => self.session.cancel_search(),
-            Request::LoadSearchObject { object } => {
-                if let Err(failure) = self.session.load_search_object(&object) {
+            Request::LoadObjectBytes { object } => {
+                if let Err(failure) = self.session.load_object_bytes(&object) {
                     post(&Event::Failure(failure));
                 }
             }
@@ -310,10 +325,21 @@ impl Worker {
                     return;
                 }
             }
-            if batch.is_finished() {
-                self.end_batch();
+            if batch.is_idle() {
+                return self.end_finished_batch();
             }
         }
+    }
+
+    fn end_finished_batch(&mut self) {
+        if self.batch.as_ref().is_some_and(Batch::is_finished) {
+            self.end_batch();
+        }
+    }
+
+    /// Whether this worker has attempts of a batch to execute.
+    fn has_batch_work(&self) -> bool {
+        self.batch.as_ref().is_some_and(|batch| !batch.is_idle())
     }
 
     fn end_batch(&mut self) {
@@ -327,8 +353,9 @@ impl Worker {
         self.is_timer_set = false;
         self.run_batch_slice();
         let ticks = self.clock.ticks_due(now_ms());
-        self.tick(ticks);
-        if ticks > 0 {
+        // Without an attempt, a batch does not change the view.
+        if ticks > 0 && self.session.is_busy() {
+            self.tick(ticks);
             self.post_frame();
         }
         self.schedule_tick();
@@ -354,11 +381,11 @@ impl Worker {
     /// Schedules the next tick while an attempt or a batch is running.
     fn schedule_tick(&mut self) {
         let is_playing = self.clock.is_running && self.session.is_busy();
-        if self.is_timer_set || !(is_playing || self.batch.is_some()) {
+        if self.is_timer_set || !(is_playing || self.has_batch_work()) {
             return;
         }
         let on_timer = Closure::once_into_js(|| with_worker(Worker::on_timer));
-        let wait_ms = if self.batch.is_some() { 0 } else { self.clock.wait_ms() as i32 };
+        let wait_ms = if self.has_batch_work() { 0 } else { self.clock.wait_ms() as i32 };
         let timer = scope().set_timeout_with_callback_and_timeout_and_arguments_0(
             on_timer.unchecked_ref(),
             wait_ms,

@@ -5,7 +5,7 @@ use crate::statistics::Tally;
 use js_sys::{Float32Array, Uint32Array};
 use mesh::{Mesh, Unit};
 use objects::import::{Orientation, OrientationReason};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use serde_bytes::ByteBuf;
 use serde_wasm_bindgen::preserve;
 
@@ -25,6 +25,19 @@ pub(crate) enum Event {
     Progress(Progress),
     Model(Model),
     Outcome(Outcome),
+    /// A batch for several workers has started.
+    BatchStarted {
+        batch_id: u32,
+        /// The object for `LoadObjectBytes`.
+        #[cfg_attr(test, ts(type = "Uint8Array"))]
+        object: ByteBuf,
+    },
+    /// Seeds of a batch for another worker; no attempts if all are taken.
+    AttemptsTaken {
+        worker: u32,
+        seed: u32,
+        attempts: u32,
+    },
     /// An attempt of a batch has ended.
     AttemptFinished(AttemptFinished),
     /// A batch has finished or was cancelled.
@@ -295,12 +308,10 @@ pub(crate) struct Model {
 }
 
 /// Result of one attempt of a batch.
-#[derive(Serialize)]
+#[derive(Debug, Deserialize, Serialize)]
 #[cfg_attr(test, derive(ts_rs::TS))]
 #[serde(rename_all = "camelCase")]
-pub(crate) struct AttemptFinished {
-    /// Id of the batch.
-    pub(crate) batch_id: u32,
+pub(crate) struct BatchAttempt {
     pub(crate) seed: u32,
     pub(crate) pose: PlanarPose,
     pub(crate) lifted: bool,
@@ -308,6 +319,16 @@ pub(crate) struct AttemptFinished {
     /// Duration of the attempt (simulated s).
     pub(crate) time: f64,
     pub(crate) final_state_hash: String,
+}
+
+/// An attempt of a batch with the counts.
+#[derive(Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
+#[serde(rename_all = "camelCase")]
+pub(crate) struct AttemptFinished {
+    /// Id of the batch.
+    pub(crate) batch_id: u32,
+    pub(crate) attempt: BatchAttempt,
     /// Attempts of the batch so far.
     pub(crate) batch_tally: Tally,
     /// All attempts of the current policy with the object.
@@ -333,7 +354,7 @@ pub(crate) struct GraspsFound {
 #[cfg_attr(test, derive(ts_rs::TS))]
 #[serde(rename_all = "camelCase")]
 pub(crate) struct SearchBatch {
-    /// The object for `LoadSearchObject`, in the first batch.
+    /// The object for `LoadObjectBytes`, in the first batch.
     #[cfg_attr(test, ts(type = "Uint8Array | null"))]
     pub(crate) object: Option<ByteBuf>,
     /// Tasks, for `RunSearchTask`.

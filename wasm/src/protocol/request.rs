@@ -1,6 +1,6 @@
 //! Requests of the page to the simulation.
 
-use super::{Drag, PlanarPose};
+use super::{BatchAttempt, Drag, PlanarPose};
 use js_sys::{Object, Reflect};
 use objects::import::Orientation;
 use serde::Deserialize;
@@ -63,6 +63,19 @@ pub(crate) enum Request {
         attempts: u32,
         /// Batch id, part of the resulting events.
         batch_id: u32,
+        /// Number of workers that execute it, with this one.
+        workers: u32,
+    },
+    /// Takes seeds of the batch for another worker.
+    TakeAttempts {
+        batch_id: u32,
+        /// Number of the worker, part of the resulting event.
+        worker: u32,
+    },
+    /// Counts an attempt of the batch that another worker has executed.
+    CountAttempt {
+        batch_id: u32,
+        attempt: BatchAttempt,
     },
     /// Pulls a point of the object towards a target; `None` releases it.
     Drag {
@@ -78,8 +91,8 @@ pub(crate) enum Request {
         is_long: bool,
     },
     CancelSearch,
-    /// Loads the object of a search, as bytes of its first batch.
-    LoadSearchObject {
+    /// Loads the object of a search or batch that another worker has started.
+    LoadObjectBytes {
         #[serde(with = "serde_bytes")]
         #[cfg_attr(test, ts(type = "Uint8Array"))]
         object: Vec<u8>,
@@ -138,8 +151,11 @@ mod tests {
     #[wasm_bindgen_test]
     fn kind_selects_the_request_and_the_other_fields_are_its_own() {
         assert!(matches!(parse(r#"{"kind":"pause"}"#), Ok(Request::Pause)));
-        let batch = parse(r#"{"seed":3,"attempts":20,"kind":"batch","batchId":7}"#);
-        assert!(matches!(batch, Ok(Request::Batch { seed: 3, attempts: 20, batch_id: 7 })));
+        let batch = parse(r#"{"seed":3,"attempts":20,"kind":"batch","batchId":7,"workers":2}"#);
+        assert!(matches!(
+            batch,
+            Ok(Request::Batch { seed: 3, attempts: 20, batch_id: 7, workers: 2 })
+        ));
         assert!(matches!(
             parse(r#"{"kind":"drag","drag":null}"#),
             Ok(Request::Drag { drag: None })

@@ -123,6 +123,7 @@ fn messages() -> String {
     add(declare::<Progress>);
     add(declare::<Model>);
     add(declare::<Outcome>);
+    add(declare::<BatchAttempt>);
     add(declare::<AttemptFinished>);
     add(declare::<GraspsFound>);
     add(declare::<SearchBatch>);

@@ -16,7 +16,7 @@ impl Session {
     pub(crate) fn start_search(&mut self, is_long: bool) -> Event {
         let mut event = self.next_search_event(GraspSearch::new(self.search_config(is_long)));
         if let Event::SearchBatch(batch) = &mut event {
-            batch.object = Some(ByteBuf::from(self.loaded.object.to_bytes()));
+            batch.object = Some(self.object_bytes());
         }
         event
     }
@@ -26,8 +26,8 @@ impl Session {
         self.search = None;
     }
 
-    /// Replaces the object by that of a search in another worker.
-    pub(crate) fn load_search_object(&mut self, bytes: &[u8]) -> Result<(), Failure> {
+    /// Replaces the object by that of another worker.
+    pub(crate) fn load_object_bytes(&mut self, bytes: &[u8]) -> Result<(), Failure> {
         self.loaded.object = Object::from_bytes(bytes).map_err(|error| worker_failed(&error))?;
         Ok(())
     }
@@ -97,7 +97,7 @@ mod tests {
         // The helper has another object until it receives that of the search.
         helper.load(crate::object_import::load_built_in("bleach").ok().unwrap());
         let object = first.object.expect("the object of the search");
-        assert!(helper.load_search_object(&object).is_ok());
+        assert!(helper.load_object_bytes(&object).is_ok());
         assert_eq!(helper.loaded.object.hash(), page.loaded.object.hash());
         let run = |task: &ByteBuf| helper.run_search_task(0, false, task).ok().unwrap();
         let results: Vec<ByteBuf> = first.tasks.iter().map(run).collect();

@@ -2,6 +2,8 @@
 
 use crate::attempt::Attempt;
 use crate::rollout_context::RolloutContext;
+use robot::JointVector;
+use std::collections::VecDeque;
 
 /// Attempts that wait for each other before each step of the network.
 ///
@@ -25,12 +27,26 @@ use crate::rollout_context::RolloutContext;
 pub struct Lockstep {
     /// Attempts without outcome, except those that could not start.
     attempts: Vec<Attempt>,
+    /// q̈ (rad/s²) of the last attempts, which have not been stepped with it; `None` if it is not finite.
+    accelerations: VecDeque<Option<JointVector>>,
 }
 
 impl Lockstep {
     /// Attempts to run; those with an outcome are returned by [`Self::advance`] without a step.
     pub fn new(attempts: Vec<Attempt>) -> Self {
-        Self { attempts }
+        Self { attempts, accelerations: VecDeque::new() }
+    }
+
+    /// Adds an attempt that has not been stepped.
+    pub fn push(&mut self, attempt: Attempt) {
+        // It takes part in the next step of the network, so it must not be counted among the last attempts.
+        let index = self.attempts.len() - self.accelerations.len();
+        self.attempts.insert(index, attempt);
+    }
+
+    /// Number of attempts that have not ended.
+    pub fn len(&self) -> usize {
+        self.attempts.len()
     }
 
     /// Whether all attempts have ended.
@@ -38,28 +54,40 @@ impl Lockstep {
         self.attempts.is_empty()
     }
 
-    /// Advances the first attempt that does not wait for the network, or else all attempts, by one control
-    /// period. Removes and returns an attempt that has an outcome.
+    /// Advances one attempt by one control period: one that does not wait for the network, if there is one. When
+    /// all wait, evaluates the network for all of them. Removes and returns an attempt that has an outcome.
     pub fn advance(&mut self, context: &RolloutContext) -> Option<Attempt> {
-        let waits = |attempt: &Attempt| attempt.network_input(context).is_some();
-        let Some(index) = self.attempts.iter().position(|attempt| !waits(attempt)) else {
-            self.step_all(context);
-            return None;
-        };
-        if self.attempts[index].outcome().is_none() {
-            self.attempts[index].step(context);
+        if self.accelerations.is_empty() {
+            let waits = |attempt: &Attempt| attempt.network_input(context).is_some();
+            match self.attempts.iter().position(|attempt| !waits(attempt)) {
+                Some(index) => return self.step(index, None, context),
+                None => self.evaluate_network(context),
+            }
         }
-        self.attempts[index].outcome().map(|_| self.attempts.remove(index))
+        let qdd = self.accelerations.pop_front()?;
+        let index = self.attempts.len() - self.accelerations.len() - 1;
+        self.step(index, qdd, context)
     }
 
-    /// Advances all attempts with q̈ of the network.
-    fn step_all(&mut self, context: &RolloutContext) {
+    /// Steps an attempt unless it has an outcome; removes and returns it if it has one afterwards.
+    fn step(
+        &mut self,
+        index: usize,
+        qdd: Option<JointVector>,
+        context: &RolloutContext,
+    ) -> Option<Attempt> {
+        let attempt = &mut self.attempts[index];
+        if attempt.outcome().is_none() {
+            attempt.step_with(context, qdd);
+        }
+        attempt.outcome().map(|_| self.attempts.remove(index))
+    }
+
+    /// Computes q̈ of all attempts, which wait for the network.
+    fn evaluate_network(&mut self, context: &RolloutContext) {
         let Some(model) = &context.model else { return };
         let inputs: Vec<_> =
             self.attempts.iter().filter_map(|attempt| attempt.network_input(context)).collect();
-        let accelerations = model.network.accelerations(&inputs);
-        for (attempt, qdd) in self.attempts.iter_mut().zip(accelerations) {
-            attempt.step_with(context, qdd);
-        }
+        self.accelerations = model.network.accelerations(&inputs).into();
     }
 }

@@ -82,6 +82,8 @@ new BatchPanel(bus, {
   seed: () => attempt.seed,
   names: () => comparison.names,
   replay: (seed) => attempt.runSeed(seed),
+  sendInternal: (request) => worker.send(request),
+  report,
 });
 new GraspSearchPanel(bus, {
   send: sendNow,

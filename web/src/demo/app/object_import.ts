@@ -5,6 +5,7 @@ import type { ErrorCards } from "../panel/error_cards";
 import { ObjectInfoPanel } from "../panel/object_info";
 import { ObjectPicker } from "../panel/object_picker";
 import { sizeForm } from "../panel/size_form";
+import { MESH_READER_FAILED } from "../worker/messages";
 import type { FailureEvent, ImportOptions, WorkerRequest } from "../worker/messages";
 import type { Model, ObjectLoaded, Ready } from "../worker/protocol";
 import { isFatal } from "../worker/worker_client";
@@ -150,6 +151,10 @@ export class ObjectImport {
       this.#picker.disable();
     }
     if (failure.code === SIZE_REQUIRED) this.#askSize(failure);
+    if (failure.code === MESH_READER_FAILED) {
+      this.#state.refused();
+      this.#picker.restoreSelection();
+    }
     if (failure.code !== "invalid_mesh") return;
     // Null: the file is the current object, which stays in the list.
     const file = this.#state.rejected();

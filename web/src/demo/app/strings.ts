@@ -43,6 +43,7 @@ export const BATCH = {
   outcome: (seed: number, text: string) => `Seed ${seed}: ${text}`,
   replay: "Replay",
   replaySeed: (seed: number) => `Replay seed ${seed}`,
+  aborted: "The batch was stopped; its results so far are kept. Run it again.",
   ofPolicy: (name: string, text: string) => `${name}: ${text}`,
   interval: (lifted: string, min: string, max: string) => `${lifted} (${min} to ${max})`,
   paired: (first: string, a: number, second: string, b: number, both: number) =>
@@ -209,6 +210,10 @@ export const FILES = {
   unreadable: (file: string, why: string) => ({
     message: `${file} could not be read: ${why}`,
     hint: "Check that the file exists and is readable, then select it again.",
+  }),
+  noReader: (file: string, why: string) => ({
+    message: `${file} could not be read, because the code for mesh files was not downloaded: ${why}`,
+    hint: "Check the network connection, then select the file again.",
   }),
   notStored: (file: string) => ({
     message: `${file} could not be stored in this browser; it stays in the list until the page is closed.`,

@@ -2,7 +2,8 @@
 
 import { element, h } from "../../common/dom";
 import { BATCH } from "../app/strings";
-import type { AttemptFinished } from "../worker/protocol";
+import type { BatchAttempt } from "../worker/protocol";
+import { insertBySeed } from "./seed_order";
 
 export class AttemptTable {
   readonly #details = element("attempts-all", HTMLDetailsElement);
@@ -14,7 +15,7 @@ export class AttemptTable {
   }
 
   // `policy`: name of the policy, or null if the batch has only one.
-  add({ seed, pose, lifted, text, time }: AttemptFinished, policy: string | null): void {
+  add({ seed, pose, lifted, text, time }: BatchAttempt, policy: string | null): void {
     this.#details.hidden = false;
     const button = h("button", { type: "button", class: "quiet", click: () => this.#replay(seed) }, String(seed));
     button.setAttribute("aria-label", BATCH.replaySeed(seed));
@@ -29,7 +30,7 @@ export class AttemptTable {
       h("td", {}, policy === null ? text : BATCH.ofPolicy(policy, text)),
       h("td", { class: "is-number" }, time.toFixed(1)),
     );
-    this.#rows.append(row);
+    insertBySeed(this.#rows, row, seed);
   }
 
   clear(): void {

@@ -6,9 +6,12 @@ import { outOf } from "../../common/strings";
 import type { EventBus } from "../app/event_bus";
 import { BATCH } from "../app/strings";
 import { download } from "../files/download";
-import type { WorkerRequest } from "../worker/messages";
-import type { AttemptFinished } from "../worker/protocol";
+import { BatchWorkers, numBatchWorkers } from "../worker/batch_workers";
+import type { FailureEvent, WorkerRequest } from "../worker/messages";
+import type { AttemptFinished, BatchAttempt, Model, Tally } from "../worker/protocol";
+import { asSecondary } from "../worker/worker_client";
 import { AttemptTable } from "./attempt_table";
+import { insertBySeed } from "./seed_order";
 import { WorkspaceMap } from "./workspace_map";
 
 export interface BatchEvents {
@@ -19,12 +22,16 @@ export interface BatchEvents {
   names(): string[];
   // Runs the attempt of this seed in the view.
   replay(seed: number): void;
+  // Sends a request that is not the user's.
+  sendInternal(request: WorkerRequest): void;
+  report(failure: FailureEvent): void;
 }
 
 // Attempts of one policy.
 interface PolicyRun {
   name: string;
-  attempts: AttemptFinished[];
+  attempts: BatchAttempt[];
+  tally: Tally | null;
   isFinished: boolean;
 }
 
@@ -44,6 +51,9 @@ export class BatchPanel {
   #numAttempts = 0;
   // Id of the current batch. Events of earlier batches are ignored.
   #batchId = 0;
+  // Loaded policy, and the workers that help with the batch.
+  #model: Model | null = null;
+  #workers: BatchWorkers | null = null;
 
   constructor(bus: EventBus, events: BatchEvents) {
     this.#events = events;
@@ -54,7 +64,12 @@ export class BatchPanel {
     bus.on("ready", ({ workspace }) => this.#map.setWorkspace(workspace));
     bus.on("objectChanged", () => this.#clear());
     bus.on("modelChanged", () => this.#clear());
-    bus.on("model", () => (this.#button.disabled = false));
+    bus.on("model", (model) => {
+      this.#model = model;
+      this.#button.disabled = false;
+    });
+    bus.on("batchStarted", ({ object }) => this.#startWorkers(object));
+    bus.on("attemptsTaken", ({ worker, seed, attempts }) => this.#workers?.run(worker, seed, attempts));
     bus.on("attemptFinished", (attempt) => this.#add(attempt, 0));
     bus.on("secondAttemptFinished", ({ attempt }) => this.#add(attempt, 1));
     bus.on("batchFinished", ({ batchId }) => this.#end(0, batchId));
@@ -69,20 +84,36 @@ export class BatchPanel {
   #start(): void {
     this.#reset();
     this.#numAttempts = Number(this.#count.value);
-    this.#runs = this.#events.names().map((name) => ({ name, attempts: [], isFinished: false }));
+    this.#runs = this.#events.names().map((name) => ({ name, attempts: [], tally: null, isFinished: false }));
     this.#show();
     this.#batchId += 1;
-    this.#events.send({ kind: "batch", seed: this.#events.seed(), attempts: this.#numAttempts, batchId: this.#batchId });
+    // A second policy runs in a worker of its own. The planner needs the name of the object, which only the page's worker has.
+    const workers = this.#runs.length > 1 || !this.#model?.id ? 1 : numBatchWorkers();
+    this.#events.send({ kind: "batch", seed: this.#events.seed(), attempts: this.#numAttempts, batchId: this.#batchId, workers });
+  }
+
+  #startWorkers(object: Uint8Array): void {
+    const { id, hash } = this.#model ?? {};
+    if (!this.#isRunning || !id || !hash) return;
+    this.#workers?.terminate();
+    this.#workers = new BatchWorkers(this.#batchId, object, { id, hash }, {
+      send: this.#events.sendInternal,
+      report: (failure) => {
+        this.#events.send({ kind: "cancelBatch" });
+        this.#events.report(asSecondary(failure, BATCH.aborted));
+      },
+    });
   }
 
   // Adds an attempt of the loaded (0) or the compared (1) policy. The map shows only the loaded one.
-  #add(attempt: AttemptFinished, policy: 0 | 1): void {
+  #add({ batchId, attempt, batchTally }: AttemptFinished, policy: 0 | 1): void {
     const run = this.#runs[policy];
-    if (!run || attempt.batchId !== this.#batchId) return;
+    if (!run || batchId !== this.#batchId) return;
     run.attempts.push(attempt);
+    run.tally = batchTally;
     if (policy === 0) this.#map.add(attempt);
     this.#table.add(attempt, this.#runs.length > 1 ? run.name : null);
-    if (!attempt.lifted) this.#failures.append(this.#failureItem(run, attempt));
+    if (!attempt.lifted) insertBySeed(this.#failures, this.#failureItem(run, attempt), attempt.seed);
     this.#show();
   }
 
@@ -91,6 +122,7 @@ export class BatchPanel {
     const run = this.#runs[policy];
     if (!run || run.isFinished || (batchId ?? this.#batchId) !== this.#batchId) return;
     run.isFinished = true;
+    if (policy === 0) this.#endWorkers();
     this.#show();
     // Screen readers announce only the final result.
     if (!this.#isRunning) {
@@ -101,8 +133,14 @@ export class BatchPanel {
   // The worker has stopped. The results so far stay.
   #stop(): void {
     for (const run of this.#runs) run.isFinished = true;
+    this.#endWorkers();
     this.#show();
     this.#button.disabled = true;
+  }
+
+  #endWorkers(): void {
+    this.#workers?.terminate();
+    this.#workers = null;
   }
 
   // Discards the results after a change of object or policy. The worker ends the batch before it reports the
@@ -134,19 +172,19 @@ export class BatchPanel {
     this.#csv.hidden = !hasResult;
   }
 
-  #failureItem({ name }: PolicyRun, { seed, text }: AttemptFinished): HTMLLIElement {
+  #failureItem({ name }: PolicyRun, { seed, text }: BatchAttempt): HTMLLIElement {
     const button = h("button", { type: "button", class: "quiet", click: () => this.#events.replay(seed) }, BATCH.replay);
     const outcome = BATCH.outcome(seed, text);
     return h("li", {}, h("span", {}, this.#runs.length > 1 ? BATCH.ofPolicy(name, outcome) : outcome), button);
   }
 }
 
-function lifted({ attempts }: PolicyRun): string {
-  return outOf(attempts.at(-1)?.batchTally.lifted ?? 0, attempts.length);
+function lifted({ attempts, tally }: PolicyRun): string {
+  return outOf(tally?.lifted ?? 0, attempts.length);
 }
 
 function liftedWithInterval(run: PolicyRun): string {
-  const interval = run.attempts.at(-1)?.batchTally.interval;
+  const interval = run.tally?.interval;
   return interval ? BATCH.interval(lifted(run), percent(interval[0]), percent(interval[1])) : lifted(run);
 }
 
@@ -164,8 +202,8 @@ function paired(first: PolicyRun, second: PolicyRun): string {
 }
 
 function csv(runs: PolicyRun[]): string {
-  const line = (name: string, { seed, pose, lifted, text, time, finalStateHash }: AttemptFinished) =>
+  const line = (name: string, { seed, pose, lifted, text, time, finalStateHash }: BatchAttempt) =>
     [name, seed, pose.x, pose.y, pose.yaw, lifted, `"${text}"`, time.toFixed(3), finalStateHash].join(",");
-  const lines = runs.flatMap(({ name, attempts }) => attempts.map((attempt) => line(name, attempt)));
+  const lines = runs.flatMap(({ name, attempts }) => attempts.toSorted((a, b) => a.seed - b.seed).map((attempt) => line(name, attempt)));
   return ["policy,seed,x_m,y_m,yaw_rad,lifted,outcome,duration_s,final_state_hash", ...lines, ""].join("\n");
 }

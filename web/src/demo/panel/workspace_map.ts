@@ -3,7 +3,8 @@
 
 import { element, svg } from "../../common/dom";
 import { BATCH } from "../app/strings";
-import type { AttemptFinished, Rectangle } from "../worker/protocol";
+import type { BatchAttempt, Rectangle } from "../worker/protocol";
+import { insertBySeed } from "./seed_order";
 
 // Half length of the yaw line, radius of the click target, margin around the workspace (cm).
 const HALF_LINE = 1.4;
@@ -27,7 +28,7 @@ export class WorkspaceMap {
     this.#svg.replaceChildren(svg("rect", { x: left, y: top, width, height }));
   }
 
-  add({ seed, pose, lifted, text }: AttemptFinished): void {
+  add({ seed, pose, lifted, text }: BatchAttempt): void {
     this.#figure.hidden = false;
     const [cx, cy] = [100 * pose.y, 100 * pose.x];
     const [dx, dy] = [HALF_LINE * Math.sin(pose.yaw), HALF_LINE * Math.cos(pose.yaw)];
@@ -40,7 +41,7 @@ export class WorkspaceMap {
       svg("circle", { cx, cy, r: lifted ? 0.5 : 0.9 }),
     );
     mark.addEventListener("click", () => this.#replay(seed));
-    this.#svg.append(mark);
+    insertBySeed(this.#svg, mark, seed);
   }
 
   clear(): void {

@@ -7,6 +7,9 @@ export type EventOf<Kind extends WorkerEvent["kind"]> = Extract<WorkerEvent, { k
 
 export type FailureEvent = EventOf<"failure">;
 
+// The module that reads mesh files could not be downloaded; the file can be selected again.
+export const MESH_READER_FAILED = "mesh_reader_failed";
+
 type SimUpload = Extract<SimRequest, { kind: "upload" }>;
 
 // The user's options for reading a mesh file; null selects the default.

@@ -213,15 +213,20 @@ disturbed: boolean, finalStateHash: string, tally: Tally, };
 /**
  * Result of one attempt of a batch.
  */
+export type BatchAttempt = { seed: number, pose: PlanarPose, lifted: boolean, text: string,
+/**
+ * Duration of the attempt (simulated s).
+ */
+time: number, finalStateHash: string, };
+
+/**
+ * An attempt of a batch with the counts.
+ */
 export type AttemptFinished = {
 /**
  * Id of the batch.
  */
-batchId: number, seed: number, pose: PlanarPose, lifted: boolean, text: string,
-/**
- * Duration of the attempt (simulated s).
- */
-time: number, finalStateHash: string,
+batchId: number, attempt: BatchAttempt,
 /**
  * Attempts of the batch so far.
  */
@@ -253,7 +258,7 @@ objectHash: string, };
  */
 export type SearchBatch = {
 /**
- * The object for `LoadSearchObject`, in the first batch.
+ * The object for `LoadObjectBytes`, in the first batch.
  */
 object: Uint8Array | null,
 /**
@@ -278,7 +283,11 @@ export type Failure = { code: string, message: string, hint: string, };
 /**
  * Event of the worker.
  */
-export type WorkerEvent = { "kind": "ready" } & Ready | { "kind": "object" } & ObjectLoaded | { "kind": "frame" } & Frame | { "kind": "telemetry", samples: Array<TelemetrySample>, } | { "kind": "cloud" } & Cloud | { "kind": "progress" } & Progress | { "kind": "model" } & Model | { "kind": "outcome" } & Outcome | { "kind": "attemptFinished" } & AttemptFinished | { "kind": "batchFinished", batchId: number, } | { "kind": "searchBatch" } & SearchBatch | { "kind": "searchTaskDone",
+export type WorkerEvent = { "kind": "ready" } & Ready | { "kind": "object" } & ObjectLoaded | { "kind": "frame" } & Frame | { "kind": "telemetry", samples: Array<TelemetrySample>, } | { "kind": "cloud" } & Cloud | { "kind": "progress" } & Progress | { "kind": "model" } & Model | { "kind": "outcome" } & Outcome | { "kind": "batchStarted", batchId: number,
+/**
+ * The object for `LoadObjectBytes`.
+ */
+object: Uint8Array, } | { "kind": "attemptsTaken", worker: number, seed: number, attempts: number, } | { "kind": "attemptFinished" } & AttemptFinished | { "kind": "batchFinished", batchId: number, } | { "kind": "searchBatch" } & SearchBatch | { "kind": "searchTaskDone",
 /**
  * Index of the task in its batch.
  */
@@ -291,7 +300,15 @@ export type SimRequest = { "kind": "loadObject", object: string, } | { "kind": "
 /**
  * Batch id, part of the resulting events.
  */
-batchId: number, } | { "kind": "drag", drag: Drag | null, } | { "kind": "cancelBatch" } | { "kind": "exportRecording" } | { "kind": "searchGrasps", isLong: boolean, } | { "kind": "cancelSearch" } | { "kind": "loadSearchObject", object: Uint8Array, } | { "kind": "runSearchTask", seed: number, isLong: boolean,
+batchId: number,
+/**
+ * Number of workers that execute it, with this one.
+ */
+workers: number, } | { "kind": "takeAttempts", batchId: number,
+/**
+ * Number of the worker, part of the resulting event.
+ */
+worker: number, } | { "kind": "countAttempt", batchId: number, attempt: BatchAttempt, } | { "kind": "drag", drag: Drag | null, } | { "kind": "cancelBatch" } | { "kind": "exportRecording" } | { "kind": "searchGrasps", isLong: boolean, } | { "kind": "cancelSearch" } | { "kind": "loadObjectBytes", object: Uint8Array, } | { "kind": "runSearchTask", seed: number, isLong: boolean,
 /**
  * Index of the task in its batch.
  */

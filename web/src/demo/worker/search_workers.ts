@@ -29,7 +29,7 @@ export class SearchWorkers {
     this.#taskOf = (index, task) => ({ kind: "runSearchTask", seed, isLong, index, task });
     const count = Math.min(MAX_WORKERS, Math.max(MIN_WORKERS, navigator.hardwareConcurrency - 1));
     this.#workers = Array.from({ length: count }, (_, worker) => {
-      return new WorkerClient({ kind: "loadSearchObject", object }, (event) => this.#onEvent(worker, event));
+      return new WorkerClient({ kind: "loadObjectBytes", object }, (event) => this.#onEvent(worker, event));
     });
   }
 
