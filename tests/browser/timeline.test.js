@@ -221,8 +221,7 @@ test("batch compares two policies on the same seeds", async () => {
   await page.click("#batch-run");
   await page.waitForFunction(() => /mlp-pcd: [12] of/.test(document.getElementById("batch-comparison").textContent));
   await page.click("#objects label:has([value=soup_can])");
-  await page.waitForFunction(() => document.getElementById("batch-summary").textContent === "");
-  assert.equal(await page.textContent("#batch-run"), "Run");
+  await page.waitForFunction(() => document.getElementById("batch-summary").textContent === "" && document.getElementById("batch-run").textContent === "Run");
   await page.click("#batch-run");
   await page.waitForFunction(() => /mlp-pcd: [01] of 1 /.test(document.getElementById("batch-comparison").textContent));
   // Removing the second policy ends its half of the batch.

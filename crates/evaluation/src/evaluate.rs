@@ -105,9 +105,8 @@ impl EvaluationReport {
     }
 }
 
-/// Attempts per thread that advance in lockstep. Each shares the network's weights; progress is reported when
-/// they end.
-const LOCKSTEP_ATTEMPTS: u64 = 8;
+/// Max attempts of a thread that advance in lockstep and share the reads of the network's weights.
+const MAX_LOCKSTEP: usize = 8;
 
 /// Runs one attempt per seed on all threads; all attempts count. Each attempt samples the object pose, unless
 /// `pose` is given. `on_attempt` receives each attempt after its end.
@@ -122,11 +121,12 @@ pub fn evaluate(
 ) -> Result<EvaluationReport> {
     let (seed, attempts) = (seeds.start, seeds.clone().count());
     let new_attempt = |seed| Attempt::new(context, object, name, pose, seed, controller.clone());
-    let groups = seeds.clone().step_by(LOCKSTEP_ATTEMPTS as usize).collect::<Vec<u64>>();
+    let size = lockstep_size(attempts, rayon::current_num_threads());
+    let groups = seeds.clone().step_by(size).collect::<Vec<u64>>();
     let rows = groups
         .into_par_iter()
         .map(|first| {
-            let group = first..seeds.end.min(first + LOCKSTEP_ATTEMPTS);
+            let group = first..seeds.end.min(first + size as u64);
             let mut running = Lockstep::new(group.map(new_attempt).collect::<Result<_, _>>()?);
             let mut rows = Vec::new();
             while !running.is_empty() {
@@ -162,4 +162,24 @@ pub fn evaluate(
         model_hash: None,
         rows,
     })
+}
+
+/// Attempts per group, such that all threads execute about the same number of attempts.
+fn lockstep_size(attempts: usize, threads: usize) -> usize {
+    let rounds = attempts.div_ceil(threads * MAX_LOCKSTEP).max(1);
+    attempts.div_ceil(threads * rounds).max(1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn groups_are_equal_for_all_threads() {
+        for (attempts, threads, size) in
+            [(0, 2, 1), (1, 8, 1), (2, 2, 1), (20, 2, 5), (100, 2, 8), (100, 16, 7)]
+        {
+            assert_eq!(lockstep_size(attempts, threads), size, "{attempts} on {threads}");
+        }
+    }
 }

@@ -2,7 +2,7 @@
 //! demonstrations.
 
 use crate::data::demo_group::DemoGroup;
-use policy::Network;
+use policy::{Network, Observation};
 use rayon::prelude::*;
 use robot::{JointState, JointVector, KinematicTree, integrator};
 use scene::config::CONTROL_DT;
@@ -13,26 +13,51 @@ const ROLLOUT_STEPS: usize = (4.0 / CONTROL_DT) as usize;
 /// Row stride at which the damping rate is evaluated.
 const DAMPING_STRIDE: usize = 10;
 
+/// Rollouts of a thread that share the reads of the network's weights.
+const ROLLOUT_BATCH: usize = 16;
+
 /// Kinematic rollouts of the policy from up to two neighbour starts per group. Returns the distance (m)
 /// between the final fingertips and those of the demonstration, mean over the four tips. Groups without
 /// neighbour starts are skipped.
 pub fn fingertip_errors(tree: &KinematicTree, policy: &Network, groups: &[&DemoGroup]) -> Vec<f64> {
-    let error = |group: &DemoGroup, start: &JointVector| {
-        let observation = &group.encodings[group.encodings.len() - 1];
-        let mut state = JointState::at_rest(observation.from_canonical(start));
-        for _ in 0..ROLLOUT_STEPS {
-            let diverged = || JointVector::repeat(f64::NAN);
-            let qdd = policy.acceleration(&state, observation).unwrap_or_else(diverged);
-            state = tree.limits.clamp_state(&integrator::step(&state, &qdd, CONTROL_DT));
-        }
-        let end = group.demonstrations.state(group.demonstrations.rows() - 1).q;
-        let distance = fingertip_distance(tree, &state.q, &end);
+    let mut starts: Vec<(&DemoGroup, JointVector)> = Vec::new();
+    for group in groups {
+        starts.extend(group.neighbor_starts.iter().take(2).map(|start| (*group, *start)));
+    }
+    let error = |((group, _), end): (&(&DemoGroup, JointVector), JointVector)| {
+        let wanted = group.demonstrations.state(group.demonstrations.rows() - 1).q;
+        let distance = fingertip_distance(tree, &end, &wanted);
         if distance.is_finite() { distance } else { f64::INFINITY }
     };
-    let of_group = |group: &&DemoGroup| {
-        group.neighbor_starts.iter().take(2).map(|start| error(group, start)).collect::<Vec<_>>()
+    let batches = starts.par_chunks(ROLLOUT_BATCH);
+    let of_batch = |batch: &[_]| -> Vec<f64> {
+        batch.iter().zip(roll_out(tree, policy, batch)).map(error).collect()
     };
-    groups.par_iter().flat_map_iter(of_group).collect()
+    batches.flat_map_iter(of_batch).collect()
+}
+
+/// Final configurations (rad) of rollouts from starts in the canonical frame; NaN if the policy diverges.
+fn roll_out(
+    tree: &KinematicTree,
+    policy: &Network,
+    starts: &[(&DemoGroup, JointVector)],
+) -> Vec<JointVector> {
+    let observations: Vec<&Observation> =
+        starts.iter().map(|(group, _)| &group.encodings[group.encodings.len() - 1]).collect();
+    let at_start = |((_, start), observation): (&(&DemoGroup, JointVector), &&Observation)| {
+        JointState::at_rest(observation.from_canonical(start))
+    };
+    let mut states: Vec<JointState> = starts.iter().zip(&observations).map(at_start).collect();
+    for _ in 0..ROLLOUT_STEPS {
+        let inputs: Vec<_> =
+            observations.iter().zip(&states).map(|(of, state)| of.network_input(state)).collect();
+        let accelerations = policy.accelerations(&inputs);
+        for (state, qdd) in states.iter_mut().zip(accelerations) {
+            let qdd = qdd.unwrap_or_else(|| JointVector::repeat(f64::NAN));
+            *state = tree.limits.clamp_state(&integrator::step(state, &qdd, CONTROL_DT));
+        }
+    }
+    states.iter().map(|state| state.q).collect()
 }
 
 /// Distance (m) between the fingertips of two configurations, mean over the four tips.

@@ -22,6 +22,8 @@ export class BatchWorkers {
   readonly #modelHash: string;
   readonly #events: BatchWorkersEvents;
   readonly #workers: WorkerClient[];
+  // Workers with the policy, which take part.
+  readonly #ready = new Set<number>();
 
   // `object` are the bytes of the object on the table.
   constructor(batchId: number, object: Uint8Array, model: { id: string; hash: string }, events: BatchWorkersEvents) {
@@ -44,9 +46,12 @@ export class BatchWorkers {
   }
 
   #onEvent(worker: number, event: WorkerEvent): void {
-    // A policy that has changed on the server would give other attempts; the other workers then run all of them.
-    if (event.kind === "model" && event.hash !== this.#modelHash) this.#workers[worker]?.terminate();
-    else if (event.kind === "model" || event.kind === "batchFinished") {
+    const isReady = this.#ready.has(worker);
+    // Without the same policy, for example because it has changed on the server, the other workers run all attempts.
+    if (!isReady && (event.kind === "failure" || (event.kind === "model" && event.hash !== this.#modelHash))) {
+      this.#workers[worker]?.terminate();
+    } else if (event.kind === "model" || event.kind === "batchFinished") {
+      this.#ready.add(worker);
       this.#events.send({ kind: "takeAttempts", batchId: this.#batchId, worker });
     } else if (event.kind === "attemptFinished") {
       this.#events.send({ kind: "countAttempt", batchId: this.#batchId, attempt: event.attempt });
