@@ -119,7 +119,7 @@ const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
 /// Parser of one format.
 type Reader = fn(&[u8], &ExternalFiles) -> Result<Mesh, MeshError>;
 
-/// A mesh format. A new format is a module of this folder, and a row of [`FORMATS`] and of [`PARSERS`].
+/// A mesh format. A new format is a module of this folder, and a row of [`FORMATS`] and of `PARSERS`.
 pub struct MeshFormat {
     /// Names in messages and help texts.
     pub names: &'static [&'static str],
