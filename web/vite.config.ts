@@ -2,6 +2,7 @@ import { fileURLToPath } from "node:url";
 import { defineConfig } from "vite";
 import { copyModels } from "./vite/copy_models.ts";
 import { meshFormats } from "./vite/mesh_formats.ts";
+import { pendingServer } from "./vite/pending_server.ts";
 import { precompress } from "./vite/precompress.ts";
 
 const absolute = (path: string) => fileURLToPath(new URL(path, import.meta.url));
@@ -23,5 +24,5 @@ export default defineConfig({
     },
   },
   worker: { format: "es" },
-  plugins: [copyModels(), meshFormats(), precompress()],
+  plugins: [copyModels(), meshFormats(), pendingServer(), precompress()],
 });

@@ -1,6 +1,7 @@
 // The page on a static host, in a subfolder, without `ngf serve`.
 
 import assert from "node:assert/strict";
+import { spawn } from "node:child_process";
 import { createReadStream, existsSync, statSync } from "node:fs";
 import { createServer } from "node:http";
 import { extname, join } from "node:path";
@@ -75,4 +76,26 @@ test("host with a fallback page is not taken for a job server", async (t) => {
     assert.match(await card.textContent(), /Start one with ngf serve --data-dir DIR/, path);
   }
   await page.close();
+});
+
+test("jobs page of the preview says that the server is being built, and reloads when it responds", async () => {
+  const vite = spawn("node", ["node_modules/vite/bin/vite.js", "preview", "--host", "127.0.0.1", "--port", "0"], {
+    cwd: `${root}web`,
+    env: { ...process.env, NGF_PENDING_SERVER: "1", NO_COLOR: "1" },
+  });
+  try {
+    const address = await new Promise((resolve) => {
+      vite.stdout.on("data", (text) => /http:\S+/.test(text) && resolve(/http:\S+/.exec(text)[0]));
+    });
+    const { page } = await newPage({ address, browser });
+    await page.goto(`${address}jobs/`);
+    const card = await page.waitForSelector(".failure");
+    assert.match(await card.textContent(), /The job server is being built.*reloads when the server is ready/s);
+    const reload = page.waitForNavigation();
+    await page.route("**/api/v1", (route) => route.fulfill({ json: {} }));
+    await reload;
+    await page.close();
+  } finally {
+    vite.kill();
+  }
 });

@@ -97,7 +97,7 @@ fn preview_until_built(
     let mut preview = workspace.command("node", &[]);
     preview.current_dir(workspace.web()).arg(vite);
     preview.args(["preview", "--strictPort", "--host", "127.0.0.1", "--port", &port]);
-    preview.args(["--logLevel", "warn"]);
+    preview.args(["--logLevel", "warn"]).env("NGF_PENDING_SERVER", "1");
     if !options.no_open {
         preview.arg("--open");
     }

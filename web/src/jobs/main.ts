@@ -1,6 +1,6 @@
 // Jobs page: job list, main view, and a URL for each view.
 
-import { ApiError, noServer, requestJson } from "../common/api";
+import { API, ApiError, noServer, requestJson } from "../common/api";
 import type { components } from "../common/api_types";
 import { element, h } from "../common/dom";
 import { caughtErrorCard } from "../common/components";
@@ -82,7 +82,16 @@ function serverErrorOf(error: unknown): ApiError | null {
   if (!(error instanceof ApiError)) return null;
   const { status, code, detail } = error.problem;
   if (code === "jobs_disabled") return new ApiError(noServer(detail));
-  return status === 0 ? error : null;
+  return status === 0 || code === "no_server" ? error : null;
+}
+
+// Reloads the page when the server responds, which `cargo xtask demo` is still building.
+async function reloadWhenServed(): Promise<void> {
+  for (;;) {
+    await new Promise((resolve) => setTimeout(resolve, 3000));
+    const response = await fetch(new URL("../v1", API)).catch(() => null);
+    if (response?.ok) return location.reload();
+  }
 }
 
 // Whether the server has the program that runs the jobs: `cargo xtask demo` builds it while it serves the page.
@@ -116,6 +125,7 @@ try {
 } catch (error) {
   serverError = serverErrorOf(error);
   if (!serverError) list.showError(error);
+  if (serverError?.problem.status === 503) void reloadWhenServed();
 }
 element("job-list", HTMLElement).hidden = serverError !== null;
 if (!serverError) {
