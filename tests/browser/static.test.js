@@ -79,7 +79,7 @@ test("host with a fallback page is not taken for a job server", async (t) => {
 });
 
 test("jobs page of the preview says that the server is being built, and reloads when it responds", async () => {
-  const vite = spawn("node", ["node_modules/vite/bin/vite.js", "preview", "--host", "127.0.0.1", "--port", "0"], {
+  const vite = spawn(process.execPath, ["node_modules/vite/bin/vite.js", "preview", "--host", "127.0.0.1", "--port", "0"], {
     cwd: `${root}web`,
     env: { ...process.env, NGF_PENDING_SERVER: "1", NO_COLOR: "1" },
   });
