@@ -1,4 +1,4 @@
-//! `check --fast`: format, lints and unit tests of the packages whose files changed.
+//! `check --fast`: format, lints, documentation and unit tests of the packages whose files changed.
 //!
 //! Packages are selected with `-p`, so cargo may select fewer features of their dependencies than `check` does,
 //! and compiles these once more, in the first run.
@@ -25,7 +25,8 @@ const ONLY_LINTED: [&str; 4] = ["fuzz", "tests", "wasm", "wasm-test-runner"];
 /// Runs the checks of files that differ from the revision `since`, including untracked files.
 pub(crate) fn run_checks(workspace: &Workspace, since: &str) -> Result<bool> {
     let files = changed_files(workspace, since)?;
-    let packages = changed_packages(&workspace_packages(workspace)?, &files);
+    let all_packages = workspace_packages(workspace)?;
+    let packages = changed_packages(&all_packages, &files);
     println!("changed: {}", packages.iter().cloned().collect::<Vec<_>>().join(", "));
     let select = |skip: &[&str]| -> Vec<String> {
         let kept = packages.iter().filter(|name| !skip.contains(&name.as_str()));
@@ -41,11 +42,22 @@ pub(crate) fn run_checks(workspace: &Workspace, since: &str) -> Result<bool> {
             let mut clippy = workspace.cargo(&["clippy", "-q", "--all-targets"]);
             run(clippy.args(&linted).args(["--", "-D", "warnings"]))
         });
+        stages.stage("docs", |_| {
+            let mut doc = workspace.cargo(&["doc", "-q", "--no-deps"]);
+            run(doc.args(&linted).env("RUSTDOCFLAGS", "-D warnings"))
+        });
     }
     let tested = select(&[&["tidy"], &ONLY_LINTED[..]].concat());
     if !tested.is_empty() {
         stages.stage("unit tests", |stages| {
-            let mut cargo = workspace.cargo(&["test", "--no-fail-fast", "--lib", "--bins"]);
+            let mut cargo = workspace.cargo(&["test", "--no-fail-fast", "--bins"]);
+            // cargo rejects `--lib` if no selected package has a library.
+            let has_library = |(name, folder): &Package| {
+                tested.contains(name) && workspace.root.join(folder).join("src/lib.rs").exists()
+            };
+            if all_packages.iter().any(has_library) {
+                cargo.arg("--lib");
+            }
             stages.count(cargo.args(&tested))
         });
     }
