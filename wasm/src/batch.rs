@@ -6,7 +6,7 @@ use crate::statistics::Tally;
 use rollout::{Lockstep, RolloutError};
 
 /// Max attempts of one worker that advance in lockstep.
-const MAX_LOCKSTEP: u32 = 8;
+const MAX_LOCKSTEP: u32 = Lockstep::MAX_GROUP as u32;
 
 /// Attempts of consecutive seeds with the current object.
 pub(crate) struct Batch {

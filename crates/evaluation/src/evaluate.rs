@@ -105,9 +105,6 @@ impl EvaluationReport {
     }
 }
 
-/// Max attempts of a thread that advance in lockstep and share the reads of the network's weights.
-const MAX_LOCKSTEP: usize = 8;
-
 /// Runs one attempt per seed on all threads; all attempts count. Each attempt samples the object pose, unless
 /// `pose` is given. `on_attempt` receives each attempt after its end.
 pub fn evaluate(
@@ -166,7 +163,7 @@ pub fn evaluate(
 
 /// Attempts per group, such that all threads execute about the same number of attempts.
 fn lockstep_size(attempts: usize, threads: usize) -> usize {
-    let rounds = attempts.div_ceil(threads * MAX_LOCKSTEP).max(1);
+    let rounds = attempts.div_ceil(threads * Lockstep::MAX_GROUP).max(1);
     attempts.div_ceil(threads * rounds).max(1)
 }
 

@@ -32,6 +32,9 @@ pub struct Lockstep {
 }
 
 impl Lockstep {
+    /// Max attempts of a group in evaluations and in batches of the page. A larger group reports later.
+    pub const MAX_GROUP: usize = 8;
+
     /// Attempts to run; those with an outcome are returned by [`Self::advance`] without a step.
     pub fn new(attempts: Vec<Attempt>) -> Self {
         Self { attempts, accelerations: VecDeque::new() }
@@ -42,11 +45,6 @@ impl Lockstep {
         // It takes part in the next step of the network, so it must not be counted among the last attempts.
         let index = self.attempts.len() - self.accelerations.len();
         self.attempts.insert(index, attempt);
-    }
-
-    /// Number of attempts that have not ended.
-    pub fn len(&self) -> usize {
-        self.attempts.len()
     }
 
     /// Whether all attempts have ended.
