@@ -5,6 +5,7 @@ use axum::extract::{FromRequest, FromRequestParts, Request};
 use axum::http::StatusCode;
 use axum::http::request::Parts;
 use serde::de::DeserializeOwned;
+use std::collections::BTreeMap;
 use std::time::Duration;
 
 /// Path parameters.
@@ -12,6 +13,30 @@ pub(crate) struct Path<T>(pub(crate) T);
 
 /// Query parameters.
 pub(crate) struct Query<T>(pub(crate) T);
+
+/// Query parameters by name; each may be given once.
+pub(crate) struct Parameters(BTreeMap<String, String>);
+
+impl Parameters {
+    /// The parameters, which must be some of `names`.
+    pub(crate) fn only(self, names: &[&str]) -> Result<BTreeMap<String, String>, Problem> {
+        match self.0.keys().find(|name| !names.contains(&name.as_str())) {
+            Some(name) => {
+                let expected = match names {
+                    [] => "unknown parameter; expected none".to_owned(),
+                    names => format!("unknown parameter; expected {}", names.join(", ")),
+                };
+                Err(Problem::invalid_parameter(name, expected))
+            }
+            None => Ok(self.0),
+        }
+    }
+
+    /// All parameters. Libraries of event streams add some of their own.
+    pub(crate) fn all(self) -> BTreeMap<String, String> {
+        self.0
+    }
+}
 
 /// Request body, read completely into memory; limited by [`MAX_BODY`].
 pub(crate) struct FullBody(pub(crate) axum::body::Bytes);
@@ -55,5 +80,20 @@ impl<T: DeserializeOwned, S: Send + Sync> FromRequestParts<S> for Query<T> {
         let params = axum::extract::Query::<T>::from_request_parts(parts, state).await;
         let params = params.map_err(|rejection| Problem::invalid_query(&rejection.body_text()))?;
         Ok(Self(params.0))
+    }
+}
+
+impl<S: Send + Sync> FromRequestParts<S> for Parameters {
+    type Rejection = Problem;
+
+    async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<Self, Problem> {
+        let Query(pairs) = Query::<Vec<(String, String)>>::from_request_parts(parts, state).await?;
+        let mut parameters = BTreeMap::new();
+        for (name, value) in pairs {
+            if parameters.insert(name.clone(), value).is_some() {
+                return Err(Problem::invalid_parameter(&name, "is given twice"));
+            }
+        }
+        Ok(Self(parameters))
     }
 }

@@ -107,10 +107,13 @@ for (const engine of ENGINES) {
 }
 
 async function checkEngine(browser, { name, recordsVideo, save }, context) {
+  // Selects have the style of the page, not that of the engine.
+  const isStyled = () => [...document.querySelectorAll("select")].every((select) => getComputedStyle(select).appearance === "none");
   const untilText = (id, pattern, ms) => browser.wait(until.elementTextMatches(browser.findElement(By.id(id)), pattern), ms);
   const untilPhase = (phase) => browser.wait(until.elementLocated(By.css(`[data-phase=${phase}].is-now`)), PHASE_MS);
   await browser.get(served.address);
   await browser.wait(until.elementIsEnabled(browser.findElement(By.id("grasp"))), 60_000);
+  assert.ok(await browser.executeScript(isStyled), "a select has the style of the engine");
   await click(browser, "batch-run");
   await untilText("batch-summary", new RegExp(`of ${ATTEMPTS} `), BATCH_MS);
   await untilText("batch-run", /^Run$/, BATCH_MS);

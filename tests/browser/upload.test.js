@@ -216,6 +216,13 @@ test("glTF is imported with its buffers from other files and from a ZIP archive"
   await page.setInputFiles("#file", file("packed.zip", zip({ "._scene.gltf": "x", "scene.gltf": json, "my data.bin": bytes })));
   await isShown("scene.gltf");
   assert.equal(await page.locator(".failure").count(), 0);
+  // The first buffer is embedded, the second in a file, and a third one, which no mesh uses, is missing.
+  const bufferViews = scene.bufferViews.map((view, i) => ({ ...view, buffer: i % 2 }));
+  const mixedBuffers = [...buffers, { byteLength: bytes.length, uri: "my data.bin" }, { byteLength: 4, uri: "animation.bin" }];
+  const mixed = JSON.stringify({ ...scene, bufferViews, buffers: mixedBuffers });
+  await page.setInputFiles("#file", [file("mixed.gltf", mixed), file("my data.bin", bytes)]);
+  await isShown("mixed.gltf");
+  assert.equal(await page.locator(".failure").count(), 0);
   await page.setInputFiles("#file", file("alone.gltf", json));
   const card = await page.waitForSelector('.failure:has-text("alone.gltf")');
   assert.match(await card.textContent(), /my%20data\.bin/);

@@ -9,6 +9,7 @@ import traceback
 from pathlib import Path
 
 import torch
+from datasets import load_dataset
 from lerobot.datasets.lerobot_dataset import LeRobotDataset
 from lerobot.configs import FeatureType
 from lerobot.policies.factory import make_policy, make_policy_config, make_pre_post_processors
@@ -55,6 +56,12 @@ def test_chunks_of_actions_are_read_with_timestamps(folder: Path) -> None:
     dataset = open_dataset(folder, delta_timestamps={"action": [i / 30 for i in range(16)]})
     item = dataset[0]
     assert item["action"].shape == (16, 46) and not item["action_is_pad"].any()
+
+
+def test_hugging_face_datasets_loads_the_folder(folder: Path) -> None:
+    rows = load_dataset(str(folder), split="train")
+    assert len(rows) == open_dataset(folder).meta.total_frames
+    assert len(rows[0]["observation.state"]) == 46
 
 
 def losses(folder: Path, name: str, seed: int) -> list[float]:

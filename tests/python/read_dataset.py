@@ -73,6 +73,15 @@ def test_episodes_cover_all_rows(folder: Path) -> None:
         assert info[name] > 0, f"{name} is {info[name]}"
 
 
+def test_columns_are_compressed_as_visualizers_read_them(folder: Path) -> None:
+    # The visualizer of LeRobot reads SNAPPY without further packages, but not ZSTD.
+    for path in [*folder.glob("data/*/*.parquet"), *folder.glob("meta/episodes/*/*.parquet")]:
+        metadata = pq.ParquetFile(path).metadata
+        for group in range(metadata.num_row_groups):
+            columns = (metadata.row_group(group).column(i) for i in range(metadata.num_columns))
+            assert {column.compression for column in columns} <= {"SNAPPY", "UNCOMPRESSED"}, path
+
+
 def test_environment_state_is_the_pose_of_the_episode(folder: Path) -> None:
     frame, table = rows(folder), episodes(folder)
     state = vectors(frame, "observation.environment_state")

@@ -179,6 +179,8 @@ fn evidence_measures_contacts_slip_and_height_at_the_outcome() {
     let text = failed.explain(&context.robot.config.protocol);
     assert!(text.contains("Contacts: table (up to "), "{text}");
     assert!(text.contains("fingers during the lift). Slip in the hand: 1"), "{text}");
+    let description = attempt.description().unwrap();
+    assert!(description.starts_with("Slipped"), "it was gripped, not missed: {description}");
 }
 
 #[test]

@@ -5,6 +5,7 @@ use anyhow::{Context, Result, bail, ensure};
 use dataset_manifest::{CONFIG_FILE, FileEntry, MANIFEST_FILE, Manifest, Provenance, SUMMARY_FILE};
 use files::atomic_file;
 use progress::Progress;
+use std::ffi::OsStr;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
@@ -89,7 +90,7 @@ pub fn reject_foreign_files(dir: &Path) -> Result<()> {
         let name = entry.file_name().to_string_lossy().into_owned();
         let is_known = KNOWN_ENTRIES.contains(&name.as_str())
             || name == SHARDS_DIR
-            || is_system_file(&entry.path());
+            || is_system_entry(&entry.file_name());
         if !is_known && !atomic_file::is_partial(&entry.path()) {
             bail!(
                 "{} contains {name}, which does not belong to a dataset; choose an empty folder",
@@ -111,11 +112,24 @@ pub fn delete_partial_files(dir: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Whether a file manager or the operating system wrote the file, without the user's request: Finder, macOS on
-/// foreign file systems (`._` and the name of a file), Windows Explorer.
-fn is_system_file(path: &Path) -> bool {
-    let name = path.file_name().unwrap_or_default().to_string_lossy();
-    ["Thumbs.db", "desktop.ini", ".DS_Store"].contains(&name.as_ref()) || name.starts_with("._")
+/// Names of files and folders that file managers, git and the client of the Hugging Face Hub write.
+const SYSTEM_ENTRIES: [&str; 9] = [
+    "Thumbs.db",
+    "desktop.ini",
+    ".DS_Store",
+    ".directory",
+    "__MACOSX",
+    ".git",
+    ".gitattributes",
+    ".gitignore",
+    ".cache",
+];
+
+/// Whether a program wrote the file or folder without the user's request. macOS adds `._` and the name of a file
+/// on foreign file systems.
+fn is_system_entry(name: &OsStr) -> bool {
+    let name = name.to_string_lossy();
+    SYSTEM_ENTRIES.contains(&name.as_ref()) || name.starts_with("._")
 }
 
 /// Manifest, log, report, shards, partial and system files are not part of the dataset and are not hashed.
@@ -125,7 +139,7 @@ fn is_hashed(path: &Path) -> bool {
     !is_metadata
         && !path.starts_with(SHARDS_DIR)
         && !atomic_file::is_partial(path)
-        && !is_system_file(path)
+        && !path.iter().any(is_system_entry)
 }
 
 /// Paths of all files below a folder, relative to it, sorted.
@@ -198,11 +212,19 @@ mod tests {
     }
 
     #[test]
-    fn files_of_file_managers_are_ignored() {
+    fn files_of_file_managers_and_the_hub_are_ignored() {
         let (folder, manifest) = folder();
         let dir = folder.path();
-        for name in [".DS_Store", "meta/.DS_Store", "meta/._info.json", "Thumbs.db", "desktop.ini"]
-        {
+        std::fs::create_dir_all(dir.join(".cache/huggingface")).unwrap();
+        for name in [
+            ".DS_Store",
+            "meta/.DS_Store",
+            "meta/._info.json",
+            "Thumbs.db",
+            "desktop.ini",
+            ".gitattributes",
+            ".cache/huggingface/info.json.metadata",
+        ] {
             std::fs::write(dir.join(name), b"icons").unwrap();
         }
         verify_files(&manifest, dir, &NoProgress).unwrap();

@@ -111,6 +111,8 @@ pub fn import_with_files(
     let (mesh, repair) = repair(mesh)?;
     let unit = unit::resolve_unit(mesh.extent().max_element(), format.unit, options)?;
     let metres = unit.metres_per_unit;
+    let has_no_axis = options.up.is_none() && format.up.is_none();
+    let is_y_up = has_no_axis && (up_axis::is_y_up(&mesh) || up_axis::is_normalized(&mesh));
     let mesh = mesh.scaled(metres);
     let simplified =
         simplified.map(|s| SimplifyReport { max_displacement: s.max_displacement * metres, ..s });
@@ -118,7 +120,6 @@ pub fn import_with_files(
     if !SIZE_RANGE_M.contains(&longest) {
         return Err(MeshError::SizeOutOfRange { longest, unit: unit.unit });
     }
-    let is_y_up = options.up.is_none() && format.up.is_none() && up_axis::is_y_up(&mesh);
     Ok(ImportedMesh { mesh, unit, repair, simplified, is_y_up })
 }
 

@@ -31,14 +31,18 @@ pub struct MeshSummary {
     pub filled_holes: usize,
     /// Volume (m³).
     pub volume_m3: f64,
-    /// Solid from which the volume is computed.
+    /// Solid from which volume and centre of mass are computed.
     pub volume_source: VolumeSource,
+    /// Centre of mass at uniform density (m), in the frame of the file, but z up for glTF and a given up axis.
+    pub center_of_mass_m: [f32; 3],
+    /// Whether the file appears to be y-up, although its format defines no axis.
+    pub appears_y_up: bool,
 }
 
 impl MeshSummary {
     /// Summarises an imported mesh; fails if the mesh is flat.
     pub fn of(import: &ImportedMesh) -> Result<Self, MeshError> {
-        let ImportedMesh { mesh, unit, repair, simplified, .. } = import;
+        let ImportedMesh { mesh, unit, repair, simplified, is_y_up } = import;
         let properties = solid_properties(mesh, repair.watertight)?;
         let num_removed = repair.degenerate_triangles + repair.duplicate_triangles;
         Ok(Self {
@@ -55,6 +59,8 @@ impl MeshSummary {
             filled_holes: repair.filled_holes,
             volume_m3: properties.volume,
             volume_source: properties.source,
+            center_of_mass_m: properties.center_of_mass.to_array(),
+            appears_y_up: *is_y_up,
         })
     }
 }
@@ -76,6 +82,7 @@ mod tests {
         assert_eq!((summary.unit, summary.triangles, summary.watertight), ("millimetre", 12, true));
         assert!((summary.volume_m3 - 1e-3).abs() < 1e-9, "{summary:?}");
         assert_eq!(summary.volume_source, VolumeSource::Surface);
+        assert!(summary.center_of_mass_m.iter().all(|x| (x - 0.05).abs() < 1e-6), "{summary:?}");
         assert!(summary.extent_m.iter().all(|side| (side - 0.1).abs() < 1e-6));
     }
 }

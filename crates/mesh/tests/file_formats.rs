@@ -189,9 +189,86 @@ fn invalid_vertex_without_a_face_is_ignored() {
     vertices.push([f64::NAN; 3]);
     let mut faces = box_faces();
     check("NaN", obj(&vertices, &faces).as_bytes(), BOX_MM, BOX_CM3);
+    for sentinel in [1e11, 1e38] {
+        vertices[8] = [sentinel; 3];
+        check("sentinel", obj(&vertices, &faces).as_bytes(), BOX_MM, BOX_CM3);
+    }
+    // An unused origin, 5,000 km from a mesh in millimetres.
+    let mut distant = box_corners();
+    distant.iter_mut().for_each(|v| v[1] += 4.65e9);
+    distant.push([0.0; 3]);
+    check("origin", obj(&distant, &faces).as_bytes(), BOX_MM, BOX_CM3);
     faces.push(vec![0, 1, 8]);
-    let error = import(obj(&vertices, &faces).as_bytes()).unwrap_err();
-    assert!(matches!(error, MeshError::NotFinite { .. }), "{error}");
+    for used in [vertices, distant] {
+        let error = import(obj(&used, &faces).as_bytes()).unwrap_err();
+        assert!(matches!(error, MeshError::NotFinite { .. }), "{error}");
+    }
+}
+
+#[test]
+fn gltf_with_distant_positions_in_single_precision_is_refused() {
+    // The transform of a node is in double precision.
+    let translation = r#","translation":[10000,0,0]"#;
+    let (json, buffer) = gltf_box(None, "", translation);
+    check("distant node", &glb(&json, &buffer), BOX_MM, BOX_CM3);
+    // At 10 km, single-precision numbers have a spacing of 1 mm.
+    let (json, mut buffer) = gltf_box(None, "", r#","translation":[-10000,0,0]"#);
+    for corner in 0..8 {
+        let bytes = &mut buffer[12 * corner..12 * corner + 4];
+        let x = f32::from_le_bytes(bytes.try_into().unwrap());
+        bytes.copy_from_slice(&(x + 10_000.0).to_le_bytes());
+    }
+    let error = import(&glb(&json, &buffer)).unwrap_err();
+    assert!(matches!(error, MeshError::Imprecise { .. }), "{error}");
+}
+
+#[test]
+fn skinned_vertices_follow_their_joints() {
+    let skinned = |upper_joint: u8, node: &str, num_matrices: usize| {
+        let skin = r#","skins":[{"joints":[1,2],"inverseBindMatrices":5}]"#;
+        let (json, mut buffer) = gltf_box(None, skin, &format!(r#","skin":0{node}"#));
+        let is_upper = |corner: usize| corners([0.0; 3], [1.0; 3])[corner][1] > 0.5;
+        let joints =
+            (0..8).map(|i| if is_upper(i) { [upper_joint, 0, 0, 0] } else { [0, 0, 0, 0] });
+        buffer.extend(joints.flatten());
+        let weights = (0..8).map(|i| if is_upper(i) { [1.0, 0.0] } else { [0.75, 0.25] });
+        let weights = weights.flat_map(|[a, b]| [a, b, 0.0, 0.0_f32]);
+        buffer.extend(weights.flat_map(f32::to_le_bytes));
+        for y in [0.0, -0.1_f32] {
+            let matrix = [1., 0., 0., 0., 0., 1., 0., 0., 0., 0., 1., 0., 0., y, 0., 1.];
+            buffer.extend(matrix.into_iter().flat_map(f32::to_le_bytes));
+        }
+        let nodes = r#"},{},{"translation":[0,0.15,0]}],"skins""#;
+        let views = r#"{"buffer":0,"byteOffset":168,"byteLength":36},
+            {"buffer":0,"byteOffset":204,"byteLength":32},
+            {"buffer":0,"byteOffset":236,"byteLength":128},
+            {"buffer":0,"byteOffset":364,"byteLength":128}"#;
+        let accessors = format!(
+            r#"{{"bufferView":2,"componentType":5126,"count":3,"type":"VEC3"}},
+            {{"bufferView":3,"componentType":5121,"count":8,"type":"VEC4"}},
+            {{"bufferView":4,"componentType":5126,"count":8,"type":"VEC4"}},
+            {{"bufferView":5,"componentType":5126,"count":{num_matrices},"type":"MAT4"}}"#
+        );
+        let json = json
+            .replace(r#"[{"nodes":[0]}]"#, r#"[{"nodes":[0,1,2]}]"#)
+            .replace(r#"}],"skins""#, nodes)
+            .replace(r#""POSITION":0"#, r#""POSITION":0,"JOINTS_0":3,"WEIGHTS_0":4"#)
+            .replace(r#"{"bufferView":2,"componentType":5126,"count":3,"type":"VEC3"}"#, &accessors)
+            .replace(r#"{"buffer":0,"byteOffset":168,"byteLength":36}"#, views)
+            .replace(r#""byteLength":204"#, r#""byteLength":492"#);
+        glb(&json, &buffer)
+    };
+    check("bind pose", &skinned(0, "", 2), BOX_MM, BOX_CM3);
+    // The second joint is 5 cm above its place in the bind pose, and the node itself does not count.
+    check("moved joint", &skinned(1, "", 2), [60.0, 40.0, 150.0], 360.0);
+    check("moved node", &skinned(1, r#","scale":[9,9,9]"#, 2), [60.0, 40.0, 150.0], 360.0);
+    for (bytes, wanted) in [
+        (skinned(7, "", 2), "expected a joint of the skin, found 7"),
+        (skinned(1, "", 1), "expected an inverse bind matrix per joint, found 1 for 2 joints"),
+    ] {
+        let error = import(&bytes).unwrap_err().to_string();
+        assert!(error.contains(wanted), "{error}");
+    }
 }
 
 #[test]

@@ -11,7 +11,7 @@ use files::atomic_file;
 use grasps::set::catalog::catalog_grasps;
 use imitation::data::split;
 use indicatif::ProgressBar;
-use objects::import::{FIRST_POSE, ImportOptions};
+use objects::import::{FIRST_POSE, ImportOptions, MASS_LIMITS};
 use objects::object::Object;
 use policy::PolicyConfig;
 use policy::networks::{NetworkConfig, POLICY_NAMES};
@@ -189,8 +189,8 @@ fn parse_object(text: &str) -> Result<SelectedObject> {
         Some((file, mass)) => {
             let mass: f32 =
                 mass.parse().with_context(|| format!("{text}: the mass (kg) is not a number"))?;
-            let mass =
-                object_selection::check_positive(&format!("{text}: the mass"), mass, "kilograms")?;
+            let name = format!("{text}: the mass");
+            let mass = object_selection::check_range(&name, mass, MASS_LIMITS, "kg")?;
             // No orientation chooser: every policy gets the same object.
             let options = ImportOptions::default();
             object_selection::import_mesh(

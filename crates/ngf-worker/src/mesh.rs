@@ -3,10 +3,10 @@
 use crate::mesh_file::{MeshFile, MeshSizeOptions, import_error};
 use anyhow::Result;
 use files::atomic_file;
-use mesh::{MeshSummary, Method, VolumeSource};
-use serde_json::json;
+use mesh::{ConvexDecomposition, MeshSummary, Method, VolumeSource};
+use serde_json::{Value, json};
 use std::fmt::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Inspection of mesh files.
 #[derive(clap::Subcommand)]
@@ -25,6 +25,9 @@ pub(crate) struct InspectArgs {
     /// Output folder for mesh_summary.json and parts.obj (one OBJ object per convex part)
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Print the content of mesh_summary.json instead of text
+    #[arg(long)]
+    json: bool,
 }
 
 /// Maximum vertices of a written convex part.
@@ -44,6 +47,18 @@ fn inspect(options: &InspectArgs) -> Result<()> {
     let import = import.map_err(invalid)?;
     let summary = MeshSummary::of(&import).map_err(invalid)?;
     let parts = mesh::decompose(&import.mesh);
+    let json = summary_json(&summary, &parts)?;
+    match options.json {
+        true => println!("{}", serde_json::to_string_pretty(&json)?),
+        false => print_summary(&summary, &parts),
+    }
+    match &options.out {
+        Some(out) => write_files(out, &json, &parts),
+        None => Ok(()),
+    }
+}
+
+fn print_summary(summary: &MeshSummary, parts: &ConvexDecomposition) {
     let [x, y, z] = summary.extent_m.map(|side| 100.0 * side);
     println!("{x:.1} x {y:.1} x {z:.1} cm: {}", summary.unit_reason);
     let closed = if summary.watertight { "watertight" } else { "not watertight" };
@@ -64,18 +79,29 @@ fn inspect(options: &InspectArgs) -> Result<()> {
     if summary.filled_holes > 0 {
         println!("small holes closed: {}", summary.filled_holes);
     }
-    let Some(out) = &options.out else { return Ok(()) };
+    if summary.appears_y_up {
+        println!("the file appears to be y-up; if it is not, give --up");
+    }
+}
+
+/// Content of `mesh_summary.json`.
+fn summary_json(summary: &MeshSummary, parts: &ConvexDecomposition) -> Result<Value> {
     let method = match parts.method {
         Method::Planes => "planes",
         Method::Hull => "hull",
     };
-    let mut summary = serde_json::to_value(&summary)?;
+    let mut summary = serde_json::to_value(summary)?;
     summary["convex_parts"] = json!({
         "count": parts.hulls.len(),
         "method": method,
         "filled_fraction": parts.filled_fraction,
     });
-    atomic_file::write(&out.join("mesh_summary.json"), &serde_json::to_vec_pretty(&summary)?)?;
+    Ok(summary)
+}
+
+/// Writes `mesh_summary.json` and `parts.obj`.
+fn write_files(out: &Path, summary: &Value, parts: &ConvexDecomposition) -> Result<()> {
+    atomic_file::write(&out.join("mesh_summary.json"), &serde_json::to_vec_pretty(summary)?)?;
     let mut text = String::new();
     let mut first = 1;
     for (i, part) in parts.hulls.iter().enumerate() {

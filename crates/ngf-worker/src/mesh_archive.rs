@@ -29,6 +29,9 @@ impl MeshArchive {
             .file_names()
             .map(|name| name.map(|name| name.replace('\\', "/")).unwrap_or_default())
             .collect();
+        if let Some(format) = foreign_format(&names) {
+            bail!("this is {format}; expected {}", mesh::format_list());
+        }
         let mesh = only_mesh(names.clone())?;
         let index = names.iter().position(|name| *name == mesh).unwrap_or_default();
         let content = read_entry(&mut archive, index)?;
@@ -43,6 +46,15 @@ impl MeshArchive {
         let any_case = || self.names.iter().position(|name| name.eq_ignore_ascii_case(&wanted));
         read_entry(&mut self.archive.borrow_mut(), exact.or_else(any_case)?).ok()
     }
+}
+
+/// Mesh format that is a ZIP archive itself and is not supported.
+fn foreign_format(names: &[String]) -> Option<&'static str> {
+    let has = |extension: &str| names.iter().any(|name| name.ends_with(extension));
+    if names.iter().any(|name| name.eq_ignore_ascii_case("3D/3dmodel.model")) {
+        return Some("a 3MF file");
+    }
+    (has(".usdc") || has(".usda")).then_some("a USDZ file")
 }
 
 /// Decompresses an entry; the size in the archive is not trusted.
@@ -88,6 +100,18 @@ mod tests {
             assert_eq!(mesh, b"json");
             assert_eq!(archive.file("data/my mesh.bin"), Some(b"buffer".to_vec()));
             assert_eq!(archive.file("license.txt"), None);
+        }
+    }
+
+    #[test]
+    fn mesh_format_in_an_archive_is_named() {
+        for (name, format) in [
+            ("3D/3dmodel.model", "this is a 3MF file; expected OBJ"),
+            ("cup.usdc", "this is a USDZ file; expected OBJ"),
+            ("readme.txt", "it contains no mesh"),
+        ] {
+            let error = MeshArchive::open(archive(&[(name, "x")], false)).err().unwrap();
+            assert!(error.to_string().contains(format), "{error}");
         }
     }
 

@@ -5,7 +5,8 @@ use anyhow::{Result, bail};
 use mesh::{MeshOptions, SimplifyReport};
 use objects::catalog::CATALOG;
 use objects::import::{
-    self, FIRST_POSE, ImportContext, ImportOptions, ImportedObject, Orientation, OrientationChooser,
+    self, DENSITY_LIMITS, FIRST_POSE, ImportContext, ImportOptions, ImportedObject, MASS_LIMITS,
+    Orientation, OrientationChooser,
 };
 use objects::object::Object;
 use scene::{SceneConfig, rests_on_table};
@@ -205,20 +206,21 @@ pub(crate) enum MassSpec {
     Density(f32),
 }
 
-/// Checks that the value of an option is positive.
-pub(crate) fn check_positive(name: &str, value: f32, unit: &str) -> Result<f32> {
-    if value.is_finite() && value > 0.0 {
+/// Checks that a number is within its limits.
+pub(crate) fn check_range(name: &str, value: f32, limits: [f64; 2], unit: &str) -> Result<f32> {
+    let [min, max] = limits;
+    if (min..=max).contains(&f64::from(value)) {
         return Ok(value);
     }
-    bail!("{name} must be a positive number ({unit}), found {value}")
+    bail!("{name} must be between {min} and {max} {unit}, found {value}")
 }
 
 impl ObjectOptions {
     fn mass_spec(&self) -> Result<MassSpec> {
         match (self.mass, self.density) {
-            (Some(mass), _) => check_positive("--mass", mass, "kg").map(MassSpec::Mass),
+            (Some(mass), _) => check_range("--mass", mass, MASS_LIMITS, "kg").map(MassSpec::Mass),
             (None, Some(density)) => {
-                check_positive("--density", density, "kg/m³").map(MassSpec::Density)
+                check_range("--density", density, DENSITY_LIMITS, "kg/m³").map(MassSpec::Density)
             }
             (None, None) => bail!("a mesh needs --mass KG or --density KG_M3"),
         }

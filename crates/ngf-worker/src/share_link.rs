@@ -2,7 +2,7 @@
 
 use anyhow::{Context, Result, bail};
 use mesh::{Unit, UpAxis};
-use objects::import::{ImportOptions, Orientation};
+use objects::import::{ImportOptions, MASS_LIMITS, Orientation};
 use std::collections::BTreeMap;
 
 /// Contents of a share link.
@@ -48,6 +48,13 @@ impl ShareLink {
                 format!("this link was changed on its way: part \"{name}\" is missing; ask the sender for it again")
             })
         };
+        let hash = |name: &str| {
+            let value = field(name)?;
+            let is_hash = value.bytes().all(|byte| byte.is_ascii_hexdigit());
+            is_hash.then_some(value).with_context(|| {
+                format!("this link was changed on its way: part \"{name}\" is not a hash; ask the sender for it again")
+            })
+        };
         let version = field("v")?;
         if version != VERSION {
             bail!(
@@ -63,21 +70,29 @@ impl ShareLink {
         Ok(Self {
             object: field("o")?,
             options: import_options(&fields)?,
-            object_hash: field("oh")?,
+            object_hash: hash("oh")?,
             pose: pose.try_into().ok().with_context(not_three)?,
             seed: field("s")?.parse().context("part \"s\" of the link is not a seed")?,
             model: field("m")?,
-            model_hash: fields.get("mh").cloned(),
-            scene_hash: field("sc")?,
-            final_hash: field("h")?,
+            model_hash: fields.get("mh").map(|_| hash("mh")).transpose()?,
+            scene_hash: hash("sc")?,
+            final_hash: hash("h")?,
         })
     }
 }
 
+/// Characters of the sentence around a link that programs take for its end. A link escapes them, except the full
+/// stop, with which none ends.
+const PUNCTUATION: &[char] = &[
+    '.', ',', ';', ':', '!', '?', ')', ']', '}', '>', '"', '\'', '*', '\u{bb}', '\u{201d}',
+    '\u{2019}',
+];
+
 /// The part of a link after `#`. Undoes the changes that mail and chat programs make: escaped separators, `&`
-/// as `&amp;`.
+/// as `&amp;`, punctuation at the end.
 fn restore_fragment(text: &str) -> Option<String> {
     let (_, fragment) = text.split_once('#').or_else(|| text.split_once("%23"))?;
+    let fragment = fragment.trim_end().trim_end_matches(PUNCTUATION);
     let fragment = fragment.strip_prefix("%23").unwrap_or(fragment);
     let mut fragment = match fragment.contains('=') {
         true => fragment.to_owned(),
@@ -112,7 +127,11 @@ fn import_options(fields: &BTreeMap<String, String>) -> Result<ImportOptions> {
             .map(Orientation::StablePose)
             .context("part \"st\" of the link is not a stable pose"),
     };
-    let mass = |kg: &String| kg.parse().context("part \"kg\" of the link is not a mass");
+    let mass = |kg: &String| {
+        let [min, max] = MASS_LIMITS;
+        let kg = kg.parse().ok().filter(|kg| (min..=max).contains(&f64::from(*kg)));
+        kg.context("part \"kg\" of the link is not a mass")
+    };
     let number = |part: &str| {
         let number = fields.get(part).map(|text| text.parse::<f32>());
         number.transpose().with_context(|| format!("part \"{part}\" of the link is not a number"))
@@ -176,6 +195,10 @@ mod tests {
             format!("{page}#{}", parts.join("&")),
             format!("{page}%23{escaped}"),
             format!("{page}#%23{fragment}"),
+            format!("{LINK}."),
+            format!("{LINK}).\n"),
+            format!("{LINK}\u{201d}"),
+            format!("{LINK}>"),
         ] {
             assert!(ShareLink::looks_like(&changed), "{changed}");
             assert_eq!(ShareLink::parse(&changed).unwrap(), original, "{changed}");
@@ -194,6 +217,10 @@ mod tests {
             ("&p=", "&sz=big&p=", "\"sz\" of the link is not a number"),
             ("&p=", "&up=w&p=", "not an axis"),
             ("&p=", "&kg=heavy&p=", "not a mass"),
+            ("&p=", "&kg=-1&p=", "not a mass"),
+            ("&p=", "&kg=NaN&p=", "not a mass"),
+            ("&p=", "&kg=1e30&p=", "not a mass"),
+            ("&h=01", "&h=01xyz", "changed on its way: part \"h\""),
             ("&p=", "&st=head&p=", "not a stable pose"),
         ] {
             let error = ShareLink::parse(&LINK.replace(from, to)).unwrap_err();

@@ -21,6 +21,12 @@ pub const DEFAULT_DENSITY: f64 = 600.0;
 /// `graspable.mass` of the robot's hand file, on which this crate does not depend.
 pub const MASS_RANGE: [f64; 2] = [0.02, 1.5];
 
+/// Min and max mass (kg) that a user can give: from a sheet of paper to more than any robot hand lifts. The physics
+/// needs masses of similar orders of magnitude.
+pub const MASS_LIMITS: [f64; 2] = [0.001, 100.0];
+/// Min and max density (kg/m³) that a user can give, from aerogel to osmium.
+pub const DENSITY_LIMITS: [f64; 2] = [1.0, 23_000.0];
+
 /// User's options for a mesh file; `None` selects the default.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ImportOptions {

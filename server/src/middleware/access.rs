@@ -2,7 +2,7 @@
 
 use super::credentials::Credentials;
 use axum::http::{HeaderMap, Method, header};
-use std::net::IpAddr;
+use std::net::{IpAddr, SocketAddr};
 
 /// Context of the key derivation for session cookies.
 const COOKIE_CONTEXT: &str = "ngf-grasp 2026-11 session cookie";
@@ -126,7 +126,7 @@ impl Access {
         let values = values.filter_map(|value| value.to_str().ok());
         let addresses = values.flat_map(|value| value.rsplit(','));
         // An invalid entry ends the chain: the entries before it may be forged.
-        let mut addresses = addresses.map_while(|text| text.trim().parse().ok());
+        let mut addresses = addresses.map_while(|text| forwarded_address(text.trim()));
         addresses.find(|address| !is_trusted(address)).unwrap_or(peer)
     }
 
@@ -160,6 +160,13 @@ fn host_name(host: &str) -> &str {
         None => host.rsplit_once(':').map_or(host, |(name, _)| name),
     };
     name.strip_suffix('.').unwrap_or(name)
+}
+
+/// Address in an entry of `X-Forwarded-For`: some proxies add a port, or brackets to IPv6.
+fn forwarded_address(text: &str) -> Option<IpAddr> {
+    let without_brackets = || text.strip_prefix('[')?.strip_suffix(']')?.parse().ok();
+    let address = text.parse().ok().or_else(without_brackets);
+    address.or_else(|| Some(text.parse::<SocketAddr>().ok()?.ip()))
 }
 
 /// Whether a host name refers to this machine.
@@ -219,6 +226,16 @@ mod tests {
         let forged = headers("x-forwarded-for", &["203.0.113.9, unknown"]);
         assert_eq!(access.client_address(proxy, &forged), proxy);
         assert_eq!(access.client_address(proxy, &HeaderMap::new()), proxy);
+        for (entry, address) in [
+            ("198.51.100.7:4711", "198.51.100.7"),
+            ("[2001:db8::1]:4711", "2001:db8::1"),
+            ("[2001:db8::1]", "2001:db8::1"),
+            ("2001:db8::1", "2001:db8::1"),
+        ] {
+            let address: IpAddr = address.parse().unwrap();
+            let forwarded = headers("x-forwarded-for", &[entry]);
+            assert_eq!(access.client_address(proxy, &forwarded), address, "{entry}");
+        }
         let https = headers("x-forwarded-proto", &["https"]);
         assert!(access.is_https(Some(proxy), &https) && !access.is_https(Some(client), &https));
     }

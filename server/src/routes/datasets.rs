@@ -3,7 +3,7 @@
 use super::pagination::{DEFAULT_LIMIT, Page, parse_limit};
 use super::{RequireScheduler, schemas};
 use crate::Problem;
-use crate::extract::{Path, Query};
+use crate::extract::{Parameters, Path};
 use crate::jobs::CommandError;
 use crate::jobs::scheduler::JobScheduler;
 use crate::store::RecordKind;
@@ -11,7 +11,6 @@ use axum::Json;
 use axum::http::StatusCode;
 use dataset_manifest::Provenance;
 use serde_json::{Value, json};
-use std::collections::BTreeMap;
 use std::ffi::OsStr;
 use std::io;
 use std::path::PathBuf;
@@ -24,9 +23,9 @@ use std::path::PathBuf;
 )]
 pub(crate) async fn list(
     RequireScheduler(scheduler): RequireScheduler,
-    Query(query): Query<BTreeMap<String, String>>,
+    parameters: Parameters,
 ) -> Result<Json<Value>, Problem> {
-    super::pagination::list_records(&scheduler, RecordKind::Dataset, &query).await
+    super::pagination::list_records(&scheduler, RecordKind::Dataset, parameters).await
 }
 
 /// Returns a dataset.
@@ -76,8 +75,9 @@ pub(crate) async fn delete(
 pub(crate) async fn episodes(
     RequireScheduler(scheduler): RequireScheduler,
     Path(id): Path<String>,
-    Query(query): Query<BTreeMap<String, String>>,
+    parameters: Parameters,
 ) -> Result<Json<Value>, Problem> {
+    let query = parameters.only(&["object", "after", "limit"])?;
     let count = query.get("limit").map_or(Ok(DEFAULT_LIMIT), |text| parse_limit(text))? as usize;
     let not_a_number = |_| Problem::invalid_parameter("after", "must be the index of an episode");
     let after = query.get("after").map(|text| text.parse::<u32>().map_err(not_a_number));

@@ -4,7 +4,7 @@ use super::event_stream;
 use super::jobs::find_job;
 use super::pagination::{CursorPage, parse_limit};
 use super::{RequireScheduler, schemas};
-use crate::extract::{Path, Query};
+use crate::extract::{Parameters, Path};
 use crate::jobs::scheduler::JobScheduler;
 use crate::metrics::OpenStream;
 use crate::store::{Event, EventType};
@@ -46,8 +46,9 @@ fn parse_type(text: &str) -> Result<EventType, Problem> {
 pub(crate) async fn list(
     RequireScheduler(scheduler): RequireScheduler,
     Path(id): Path<String>,
-    Query(query): Query<BTreeMap<String, String>>,
+    parameters: Parameters,
 ) -> Result<Json<Value>, Problem> {
+    let query = parameters.only(&["after", "limit", "type"])?;
     find_job(&scheduler, &id).await?;
     let after = query.get("after").map_or(Ok(0), |text| parse_event_seq("after", text))?;
     let count = query.get("limit").map_or(Ok(100), |text| parse_limit(text))?;
@@ -73,10 +74,10 @@ pub(crate) async fn stream_of(
     State(state): State<AppState>,
     RequireScheduler(scheduler): RequireScheduler,
     Path(id): Path<String>,
-    Query(query): Query<BTreeMap<String, String>>,
+    parameters: Parameters,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    open_stream(&state, scheduler, vec![id], &query, &headers).await
+    open_stream(&state, scheduler, vec![id], &parameters.all(), &headers).await
 }
 
 /// Maximum number of jobs in one stream.
@@ -93,9 +94,10 @@ const MAX_STREAM_JOBS: usize = 100;
 pub(crate) async fn stream_all(
     State(state): State<AppState>,
     RequireScheduler(scheduler): RequireScheduler,
-    Query(query): Query<BTreeMap<String, String>>,
+    parameters: Parameters,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
+    let query = parameters.all();
     let Some(named) = query.get("jobs") else {
         return open_stream(&state, scheduler, Vec::new(), &query, &headers).await;
     };

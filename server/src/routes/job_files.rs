@@ -5,14 +5,13 @@ use super::jobs::find_job;
 use super::pagination::Page;
 use super::{RequireScheduler, schemas};
 use crate::Problem;
-use crate::extract::{Path, Query};
+use crate::extract::{Parameters, Path};
 use crate::store::EventType;
 use axum::Json;
 use axum::body::Body;
 use axum::http::{HeaderMap, header};
 use axum::response::{IntoResponse, Response};
 use serde_json::{Value, json};
-use std::collections::BTreeMap;
 use std::ops::Range;
 
 /// Lists the checkpoints of a training job, oldest first.
@@ -63,9 +62,10 @@ pub(crate) async fn artifacts(
 pub(crate) async fn logs(
     RequireScheduler(scheduler): RequireScheduler,
     Path(id): Path<String>,
-    Query(query): Query<BTreeMap<String, String>>,
+    parameters: Parameters,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
+    let query = parameters.only(&["tail"])?;
     find_job(&scheduler, &id).await?;
     let path = scheduler.job_dir(&id).join("log.txt");
     if let Some(count) = query.get("tail") {

@@ -2,10 +2,10 @@
 
 use super::unique_json::UniqueJson;
 use crate::Problem;
+use crate::extract::Parameters;
 use crate::jobs::kinds::Kind;
 use serde::Deserialize;
 use serde_json::{Map, Value};
-use std::collections::BTreeMap;
 use utoipa::ToSchema;
 
 /// Body of a creation request.
@@ -97,11 +97,8 @@ pub(super) fn check_metadata(metadata: &Map<String, Value>) -> Result<(), Proble
 }
 
 /// Parses the only supported query parameter, a boolean; false by default.
-pub(super) fn query_bool(query: &BTreeMap<String, String>, name: &str) -> Result<bool, Problem> {
-    if let Some(other) = query.keys().find(|key| *key != name) {
-        return Err(Problem::invalid_parameter(other, "unknown parameter"));
-    }
-    match query.get(name).map(String::as_str) {
+pub(super) fn query_bool(parameters: Parameters, name: &str) -> Result<bool, Problem> {
+    match parameters.only(&[name])?.get(name).map(String::as_str) {
         None | Some("false") => Ok(false),
         Some("true") => Ok(true),
         Some(_) => Err(Problem::invalid_parameter(name, "must be true or false")),

@@ -8,7 +8,7 @@ use super::job_request::{
 };
 use super::job_request_schema::JobRequest;
 use super::pagination::{CursorPage, DEFAULT_LIMIT, parse_limit};
-use crate::extract::{FullBody, Path, Query};
+use crate::extract::{FullBody, Parameters, Path, Query};
 use crate::jobs::scheduler::JobScheduler;
 use crate::jobs::{Job, JobView, Kind, Params, Status};
 use crate::middleware::credentials::bearer_token;
@@ -19,7 +19,6 @@ use axum::extract::{FromRequest, Request as Asked, State};
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde_json::{Value, json};
-use std::collections::BTreeMap;
 use std::time::Duration;
 use worker_protocol::{ReportReply, WorkerReport};
 
@@ -35,11 +34,11 @@ use worker_protocol::{ReportReply, WorkerReport};
 pub(crate) async fn create(
     State(state): State<AppState>,
     RequireScheduler(scheduler): RequireScheduler,
-    Query(query): Query<BTreeMap<String, String>>,
+    parameters: Parameters,
     headers: HeaderMap,
     FullBody(body): FullBody,
 ) -> Result<Response, Problem> {
-    let is_dry_run = query_bool(&query, "dry_run")?;
+    let is_dry_run = query_bool(parameters, "dry_run")?;
     let key = headers.get("idempotency-key").map(|key| key.to_str().unwrap_or_default());
     if key.is_some_and(|key| key.is_empty() || key.len() > 255) {
         return Err(Problem::invalid_parameter(
@@ -170,9 +169,10 @@ const MAX_WAIT: Duration = Duration::from_secs(60);
 pub(crate) async fn get(
     RequireScheduler(scheduler): RequireScheduler,
     Path(id): Path<String>,
-    Query(query): Query<BTreeMap<String, String>>,
+    parameters: Parameters,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
+    let query = parameters.only(&["wait"])?;
     let mut changes = scheduler.store.subscribe();
     let mut job = find_job(&scheduler, &id).await?;
     if let Some(wait) = query.get("wait") {
@@ -304,10 +304,10 @@ pub(crate) async fn patch(
 pub(crate) async fn delete(
     RequireScheduler(scheduler): RequireScheduler,
     Path(id): Path<String>,
-    Query(query): Query<BTreeMap<String, String>>,
+    parameters: Parameters,
     headers: HeaderMap,
 ) -> Result<StatusCode, Problem> {
-    let delete_files = query_bool(&query, "artifacts")?;
+    let delete_files = query_bool(parameters, "artifacts")?;
     match scheduler.store.job(&id).await {
         Ok(None) => return Err(Problem::job_not_found(&id)),
         Ok(Some(job)) if !job.status.is_terminal() => {

@@ -2,7 +2,7 @@
 
 use super::pagination::Page;
 use super::{RequireScheduler, artifacts, schemas};
-use crate::extract::{Path, Query};
+use crate::extract::{Parameters, Path};
 use crate::quotas::ReservedSpace;
 use crate::store::RecordKind;
 use crate::{AppState, Problem};
@@ -26,7 +26,7 @@ const MAX_NAME_CHARS: usize = 100;
 
 /// Uploads and inspects a mesh.
 ///
-/// The file is the body, or the first file of a form.
+/// The file is the body, or the only file of a form.
 #[utoipa::path(
     post, path = "/meshes", tag = "meshes", params(
         ("name" = Option<String>, Query, description = "File name"),
@@ -36,14 +36,15 @@ const MAX_NAME_CHARS: usize = 100;
         ("up" = Option<String>, Query, description = "Axis of the file that points up: x, y or z"),
     ),
     request_body(content((schemas::Bytes = "application/octet-stream"), (MeshForm = "multipart/form-data")), description = mesh::format_list()),
-    responses((status = 201, description = "The new mesh", body = schemas::Mesh), (status = 200, description = "The mesh already exists", body = schemas::Mesh)),
+    responses((status = 201, description = "The new mesh", body = schemas::Mesh), (status = 200, description = "The mesh already exists; its summary is that of this request", body = schemas::Mesh)),
 )]
 pub(crate) async fn upload(
     State(state): State<AppState>,
     RequireScheduler(scheduler): RequireScheduler,
-    Query(query): Query<BTreeMap<String, String>>,
+    parameters: Parameters,
     request: Request,
 ) -> Result<Response, Problem> {
+    let query = parameters.only(&["name", "unit", "size_m", "scale", "up"])?;
     let _reserved = reserve_space(&state, scheduler.data_dir(), request.headers())?;
     let max_total = state.quotas.max_total_mesh_bytes;
     if scheduler.store.total_bytes(RecordKind::Mesh).await? >= max_total {
@@ -79,7 +80,13 @@ pub(crate) async fn upload(
     let summary = summary.map_err(|error| Problem::unusable_mesh(&error))?;
     let id = format!("msh_{}", &blake3::hash(&bytes).to_hex()[..16]);
     let _guard = state.mesh_locks.records.lock().await;
-    if let Some(known) = scheduler.store.record(RecordKind::Mesh, &id).await? {
+    if let Some(mut known) = scheduler.store.record(RecordKind::Mesh, &id).await? {
+        // The same file with another unit, size or up axis.
+        let summary = json!(summary);
+        if known["summary"] != summary {
+            known["summary"] = summary;
+            scheduler.store.replace_record(RecordKind::Mesh, &id, &known).await?;
+        }
         return Ok(Json(known).into_response());
     }
     // Checked again, because concurrent uploads may have used the space.
@@ -145,7 +152,7 @@ fn mesh_options(query: &BTreeMap<String, String>) -> Result<MeshOptions, Problem
 #[derive(ToSchema)]
 #[expect(dead_code, reason = "OpenAPI schema")]
 struct MeshForm {
-    /// The first file of the form is used; its field name is ignored.
+    /// The only file of the form; its field name is ignored.
     file: schemas::Bytes,
 }
 
@@ -200,6 +207,14 @@ async fn receive(
             received = checked_len(received, chunk.len())?;
             check_rate(started, received)?;
             file.write_all(&chunk).await.map_err(unwritable)?;
+        }
+        drop(field);
+        while let Some(field) = form.next_field().await.map_err(form_error)? {
+            if field.file_name().is_some() {
+                return Err(Problem::malformed_form(
+                    "the form contains several files; send one file, for example GLB with its buffers",
+                ));
+            }
         }
         given_name.unwrap_or(name)
     } else {
@@ -261,9 +276,9 @@ fn sanitize_name(name: &str) -> String {
 )]
 pub(crate) async fn list(
     RequireScheduler(scheduler): RequireScheduler,
-    Query(query): Query<BTreeMap<String, String>>,
+    parameters: Parameters,
 ) -> Result<Json<Value>, Problem> {
-    super::pagination::list_records(&scheduler, RecordKind::Mesh, &query).await
+    super::pagination::list_records(&scheduler, RecordKind::Mesh, parameters).await
 }
 
 /// Returns a mesh.

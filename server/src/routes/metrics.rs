@@ -3,14 +3,13 @@
 use super::jobs::find_job;
 use super::metric_table::Selection;
 use super::{RequireScheduler, schemas};
-use crate::extract::{Path, Query};
+use crate::extract::{Parameters, Path};
 use crate::jobs::scheduler::JobScheduler;
 use crate::{AppState, Problem};
 use axum::Json;
 use axum::extract::State;
 use axum::http::header;
 use axum::response::{IntoResponse, Response};
-use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// Default number of returned rows.
@@ -34,8 +33,9 @@ pub(crate) async fn metrics(
     State(state): State<AppState>,
     RequireScheduler(scheduler): RequireScheduler,
     Path(id): Path<String>,
-    Query(query): Query<BTreeMap<String, String>>,
+    parameters: Parameters,
 ) -> Result<Response, Problem> {
+    let query = parameters.only(&["keys", "after_step", "max_points", "format"])?;
     let integer = |name: &str, default: usize| -> Result<usize, Problem> {
         let Some(text) = query.get(name) else { return Ok(default) };
         text.parse().map_err(|_| Problem::invalid_parameter(name, "must be a non-negative integer"))

@@ -3,7 +3,7 @@
 use super::http_content::{Content, IMMUTABLE, REVALIDATE, read_range};
 use super::pagination::Page;
 use super::{RequireScheduler, artifacts, schemas};
-use crate::extract::{Path, Query};
+use crate::extract::{Parameters, Path};
 use crate::model::{BuiltInModel, JOB_MODEL_PREFIX, ModelFile};
 use crate::state::{DEFAULT_MODEL_ID, FileHash};
 use crate::store::RecordKind;
@@ -13,7 +13,6 @@ use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode, Uri};
 use axum::response::Response;
 use serde_json::{Value, json};
-use std::collections::BTreeMap;
 
 /// Lists the models: the built-in ones by id, then trained ones, newest first.
 #[utoipa::path(
@@ -26,8 +25,9 @@ use std::collections::BTreeMap;
 )]
 pub(crate) async fn list(
     State(state): State<AppState>,
-    Query(query): Query<BTreeMap<String, String>>,
+    parameters: Parameters,
 ) -> Result<Json<Value>, Problem> {
+    let query = parameters.only(&["after", "limit"])?;
     let limit = query.get("limit").map_or(Ok(MAX_JOB_MODELS), |text| {
         let limit = text.parse().ok().filter(|limit| (1..=MAX_JOB_MODELS).contains(limit));
         let bounds = || format!("must be a number from 1 to {MAX_JOB_MODELS}");

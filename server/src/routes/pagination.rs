@@ -1,11 +1,11 @@
 //! Cursor pagination of lists.
 
 use crate::Problem;
+use crate::extract::Parameters;
 use crate::jobs::scheduler::JobScheduler;
 use crate::store::RecordKind;
 use axum::Json;
 use serde_json::{Value, json};
-use std::collections::BTreeMap;
 use utoipa::ToSchema;
 
 /// Page of a list.
@@ -51,8 +51,9 @@ pub(super) fn parse_limit(text: &str) -> Result<i64, Problem> {
 pub(super) async fn list_records(
     scheduler: &JobScheduler,
     kind: RecordKind,
-    query: &BTreeMap<String, String>,
+    parameters: Parameters,
 ) -> Result<Json<Value>, Problem> {
+    let query = parameters.only(&["after", "limit"])?;
     let limit = query.get("limit").map_or(Ok(DEFAULT_LIMIT), |text| parse_limit(text))?;
     let (data, has_more) = page_of_records(scheduler, kind, query.get("after"), limit).await?;
     Ok(Json(json!({ "object": "list", "data": data, "has_more": has_more })))

@@ -163,8 +163,13 @@ struct MeshSummary {
     /// Small holes that were closed.
     filled_holes: u64,
     volume_m3: f64,
-    /// Solid from which the volume is computed.
+    /// Solid from which volume and centre of mass are computed.
     volume_source: VolumeSource,
+    /// Centre of mass at uniform density (m), in the frame of the file, but z up for glTF and a given up axis.
+    #[schema(min_items = 3, max_items = 3)]
+    center_of_mass_m: [f32; 3],
+    /// Whether the file appears to be y-up, although its format defines no axis.
+    appears_y_up: bool,
 }
 
 /// Solid from which a volume is computed.

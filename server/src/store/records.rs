@@ -46,6 +46,22 @@ impl Store {
         Ok(())
     }
 
+    /// Replaces an existing record.
+    pub(crate) async fn replace_record(
+        &self,
+        kind: RecordKind,
+        id: &str,
+        record: &Value,
+    ) -> Result<(), StoreError> {
+        sqlx::query("UPDATE records SET record = ? WHERE id = ? AND kind = ?")
+            .bind(record.to_string())
+            .bind(id)
+            .bind(kind.name())
+            .execute(&self.writer)
+            .await?;
+        Ok(())
+    }
+
     /// The record with this id.
     pub(crate) async fn record(
         &self,

@@ -27,6 +27,35 @@ async fn change_is_rejected_when_its_if_match_is_outdated() {
 }
 
 #[tokio::test]
+async fn repeated_or_unknown_query_parameters_are_rejected() {
+    let (app, _folder) = test_app().await;
+    let job = create_job(&app, "x").await;
+    let body = r#"{"kind": "dataset.generate"}"#;
+    for (method, path, param) in [
+        ("POST", "/meshes?size=0.12".to_owned(), "size"),
+        ("POST", "/meshes?size_m=0.1&size_m=0.2".to_owned(), "size_m"),
+        ("POST", "/jobs?dry_run=true&dry_run=false".to_owned(), "dry_run"),
+        ("POST", "/jobs?dryrun=true".to_owned(), "dryrun"),
+        ("GET", "/meshes?page=2".to_owned(), "page"),
+        ("GET", "/datasets?limit=1&limit=2".to_owned(), "limit"),
+        ("GET", "/models?kind=encoder".to_owned(), "kind"),
+        ("GET", format!("/jobs/{job}?waits=1s"), "waits"),
+        ("GET", format!("/jobs/{job}/metrics?key=loss"), "key"),
+        ("GET", format!("/jobs/{job}/logs?lines=3"), "lines"),
+        ("GET", format!("/jobs/{job}/events?kind=alert"), "kind"),
+    ] {
+        let response = send(&app, method, &path, if method == "POST" { body } else { "" }).await;
+        let problem = assert_problem(response, 422, "invalid_parameter").await;
+        assert_eq!(problem["errors"][0]["param"], param, "{path}: {problem}");
+    }
+    // Only the request that creates a job has made one.
+    assert_eq!(
+        json_of(send(&app, "GET", "/jobs", "").await).await["data"].as_array().unwrap().len(),
+        1
+    );
+}
+
+#[tokio::test]
 async fn hints_of_missing_resources_name_existing_lists() {
     let (app, _folder) = test_app().await;
     for path in ["/meshes/x", "/datasets/x"] {

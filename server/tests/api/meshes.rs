@@ -117,6 +117,13 @@ async fn mesh_of_unit_size_requires_its_size() {
     assert_eq!(problem["errors"][0]["param"], "params.size_m", "{problem}");
     let created = send(&app, "POST", "/jobs", job(json!(0.12))).await;
     assert_eq!(created.status(), StatusCode::CREATED);
+    // The same file with another size is the same mesh, with the summary of the new size.
+    let larger = json_of(send(&app, "POST", "/meshes?size_m=0.24&up=y", unit_sized).await).await;
+    let height = larger["summary"]["extent_m"][2].as_f64().unwrap();
+    assert!((height - 0.24).abs() < 1e-6, "{larger}");
+    assert_eq!((&larger["id"], &larger["created_at"]), (&mesh["id"], &mesh["created_at"]));
+    let path = format!("/meshes/{}", mesh["id"].as_str().unwrap());
+    assert_eq!(json_of(send(&app, "GET", &path, "").await).await, larger);
     // A mesh whose file tells the size needs none.
     let known = json_of(send(&app, "POST", "/meshes?unit=m", TETRAHEDRON).await).await;
     assert_eq!(known["size_required"], false, "{known}");
@@ -141,6 +148,16 @@ async fn invalid_mesh_files_and_forms_are_rejected() {
     let fields = "--cut\r\nContent-Disposition: form-data; name=\"a\"\r\n\r\nb\r\n".repeat(100);
     let fields = send_with(&app, "POST", "/meshes", fields + "--cut--\r\n", &[FORM]).await;
     assert_problem(fields, 400, "malformed_form").await;
+    // glTF and its buffer: one of them alone is not the mesh that the client means.
+    let file = |name: &str| {
+        format!(
+            "--cut\r\nContent-Disposition: form-data; name=\"file\"; filename=\"{name}\"\r\n\r\n{TETRAHEDRON}\r\n"
+        )
+    };
+    let two = format!("{}{}--cut--\r\n", file("a.obj"), file("b.obj"));
+    let problem = send_with(&app, "POST", "/meshes", two, &[FORM]).await;
+    let problem = assert_problem(problem, 400, "malformed_form").await;
+    assert!(problem["detail"].as_str().unwrap().contains("several files"), "{problem}");
     let list = json_of(send(&app, "GET", "/meshes", "").await).await;
     assert_eq!(list["data"], json!([]));
 }

@@ -362,7 +362,7 @@ export interface paths {
         put?: never;
         /**
          * Uploads and inspects a mesh.
-         * @description The file is the body, or the first file of a form.
+         * @description The file is the body, or the only file of a form.
          */
         post: operations["meshes_upload"];
         delete?: never;
@@ -1096,7 +1096,7 @@ export interface components {
         };
         /** @description Form with a mesh file. */
         MeshForm: {
-            /** @description The first file of the form is used; its field name is ignored. */
+            /** @description The only file of the form; its field name is ignored. */
             file: components["schemas"]["Bytes"];
         };
         /** @description Parameters of mesh inspection and convex decomposition. */
@@ -1151,11 +1151,19 @@ export interface components {
         };
         /** @description Result of the mesh inspection. */
         MeshSummary: {
+            /** @description Whether the file appears to be y-up, although its format defines no axis. */
+            appears_y_up: boolean;
             /**
              * Format: int64
              * @description Boundary edges (edges of holes).
              */
             boundary_edges: number;
+            /** @description Centre of mass at uniform density (m), in the frame of the file, but z up for glTF and a given up axis. */
+            center_of_mass_m: [
+                number,
+                number,
+                number
+            ];
             /**
              * Format: int64
              * @description Number of edge-connected components.
@@ -1198,7 +1206,7 @@ export interface components {
             unit_reason: string;
             /** Format: double */
             volume_m3: number;
-            /** @description Solid from which the volume is computed. */
+            /** @description Solid from which volume and centre of mass are computed. */
             volume_source: components["schemas"]["VolumeSource"];
             /** @description Whether the surface is closed. */
             watertight: boolean;
@@ -3242,7 +3250,7 @@ export interface operations {
             };
         };
         responses: {
-            /** @description The mesh already exists */
+            /** @description The mesh already exists; its summary is that of this request */
             200: {
                 headers: {
                     [name: string]: unknown;

@@ -6,5 +6,8 @@ export const MESH_FORMATS = "OBJ, STL, PLY, OFF, GLB or glTF";
 // File extensions of mesh formats, without a dot.
 export const MESH_EXTENSIONS = ["glb","gltf","off","ply","stl","obj"];
 
+// Min and max mass (kg) of a mesh that a user can give.
+export const MASS_LIMITS_KG = [0.001,100.0] as const;
+
 // Files of a model by their name in the API.
 export const MODEL_FILES = {"config":"config.json","start_configurations":"start_configurations.safetensors","weights":"weights.safetensors"};

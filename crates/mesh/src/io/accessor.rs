@@ -61,6 +61,7 @@ impl<'a> AccessorView<'a> {
             let expected = match kind {
                 Type::Vec3 => "VEC3",
                 Type::Vec4 => "VEC4",
+                Type::Mat4 => "MAT4",
                 _ => "SCALAR of unsigned integers",
             };
             return Err(malformed(location, expected, format!("{found:?} of {component:?}")));

@@ -37,6 +37,8 @@ pub(super) struct MeshBuilder {
     invalid: Vec<(u32, Location)>,
     has_invalid: bool,
     is_single_precision: bool,
+    /// Max spacing (units of the file) of the stored coordinates before their transform.
+    max_step: f64,
 }
 
 impl MeshBuilder {
@@ -51,12 +53,18 @@ impl MeshBuilder {
             invalid: Vec::new(),
             has_invalid: false,
             is_single_precision: false,
+            max_step: 0.0,
         }
     }
 
     /// Declares that the file stores coordinates in single precision, so that distant ones are inaccurate.
     pub(super) fn set_single_precision(&mut self) {
         self.is_single_precision = true;
+    }
+
+    /// Declares that coordinates of this magnitude (units of the file) were in single precision before a transform.
+    pub(super) fn add_single_precision(&mut self, magnitude: f64) {
+        self.max_step = self.max_step.max(magnitude * f64::from(f32::EPSILON));
     }
 
     pub(super) fn num_vertices(&self) -> usize {
@@ -151,7 +159,10 @@ impl MeshBuilder {
         }
         self.triangulate_polygons();
         let center = self.distant_center()?;
-        let vertices = self.vertices.into_iter().map(|v| (v - center).as_vec3()).collect();
+        // Unused vertices may be anywhere; the repair removes them.
+        let limit = DVec3::splat(MAX_CENTERED_COORDINATE);
+        let centered = |v: DVec3| (v - center).clamp(-limit, limit).as_vec3();
+        let vertices = self.vertices.into_iter().map(centered).collect();
         Ok(Mesh { vertices, triangles: self.triangles })
     }
 
@@ -195,17 +206,19 @@ impl MeshBuilder {
         let longest = (high - low).max_element();
         let center = (low + high) / 2.0;
         let is_far = center.abs().cmpgt(DVec3::splat(MAX_CENTER_DISTANCE * longest));
-        let step = center.abs().max_element() * f64::from(f32::EPSILON);
-        if self.is_single_precision && step > MAX_SINGLE_PRECISION_STEP * longest && longest > 0.0 {
-            return Err(MeshError::Imprecise { distance: center.abs().max_element(), step });
+        let stored = if self.is_single_precision { center.abs().max_element() } else { 0.0 };
+        let step = self.max_step.max(stored * f64::from(f32::EPSILON));
+        if step > MAX_SINGLE_PRECISION_STEP * longest && longest > 0.0 {
+            return Err(MeshError::Imprecise { distance: step / f64::from(f32::EPSILON), step });
         }
         let center = DVec3::select(is_far, center, DVec3::ZERO);
         let limit = MAX_CENTERED_COORDINATE;
-        let distance = |v: &DVec3| (*v - center).abs().max_element();
-        match self.vertices.iter().position(|v| distance(v) > limit) {
-            Some(index) => {
-                let location = Location::Entry("vertex", index);
-                let found = distance(&self.vertices[index]);
+        let distance = |v: DVec3| (v - center).abs().max_element();
+        let mut corners = self.triangles.iter().flatten();
+        match corners.find(|&&corner| distance(self.vertices[corner as usize]) > limit) {
+            Some(&corner) => {
+                let location = Location::Entry("vertex", corner as usize);
+                let found = distance(self.vertices[corner as usize]);
                 Err(MeshError::NotFinite { location, found, limit })
             }
             None => Ok(center),

@@ -9,6 +9,7 @@ use super::accessor::AccessorView;
 use super::builder::MeshBuilder;
 use super::glb::{glb_chunks, is_glb};
 use super::gltf_extensions::{check_required, instance_transforms};
+use super::gltf_skin::{VertexJoints, joint_transforms};
 use super::parse::{check_limit, excerpt};
 use super::{ExternalFiles, data_uri};
 use crate::{Location, Mesh, MeshError};
@@ -125,36 +126,57 @@ impl SceneReader<'_> {
             }
         };
         stack.reverse();
-        let mut is_seen = vec![false; root.nodes.len()];
+        let mut world_from_nodes = vec![None; root.nodes.len()];
+        let mut order = Vec::new();
         while let Some((index, world_from_parent)) = stack.pop() {
             let location = Location::Entry("node", index);
             let Some(node) = root.nodes.get(index) else {
                 return Err(malformed(location, "an existing node", root.nodes.len().to_string()));
             };
-            if std::mem::replace(&mut is_seen[index], true) {
+            let world_from_node = world_from_parent * parent_from_node(node);
+            if world_from_nodes[index].replace(world_from_node).is_some() {
                 return Err(malformed(
                     location,
                     "one parent",
                     "several parents, or a cycle".to_owned(),
                 ));
             }
-            let world_from_node = world_from_parent * parent_from_node(node);
-            if let Some(mesh) = node.mesh {
-                match instance_transforms(root, self.buffers, node)? {
-                    Some(instances) => {
-                        instances.into_iter().try_for_each(|node_from_instance| {
-                            self.add_mesh(mesh.value(), world_from_node * node_from_instance)
-                        })?
-                    }
-                    None => self.add_mesh(mesh.value(), world_from_node)?,
-                }
-            }
+            order.push((node, world_from_node));
             stack.extend(children(node).rev().map(|child| (child.value(), world_from_node)));
         }
-        Ok(())
+        // Joints of a skin may follow the node that uses it.
+        order.into_iter().try_for_each(|(node, world_from_node)| {
+            self.add_node(node, world_from_node, &world_from_nodes)
+        })
     }
 
-    fn add_mesh(&mut self, index: usize, world_from_mesh: DMat4) -> Result<(), MeshError> {
+    fn add_node(
+        &mut self,
+        node: &Node,
+        world_from_node: DMat4,
+        world_from_nodes: &[Option<DMat4>],
+    ) -> Result<(), MeshError> {
+        let Some(mesh) = node.mesh.map(|mesh| mesh.value()) else { return Ok(()) };
+        if let Some(skin) = node.skin {
+            // The joints replace the transform of the node.
+            let joints = joint_transforms(self.root, self.buffers, skin, world_from_nodes)?;
+            return self.add_mesh(mesh, DMat4::IDENTITY, Some(&joints));
+        }
+        match instance_transforms(self.root, self.buffers, node)? {
+            Some(instances) => instances.into_iter().try_for_each(|node_from_instance| {
+                self.add_mesh(mesh, world_from_node * node_from_instance, None)
+            }),
+            None => self.add_mesh(mesh, world_from_node, None),
+        }
+    }
+
+    /// Adds a mesh whose vertices follow the joints, if it has some.
+    fn add_mesh(
+        &mut self,
+        index: usize,
+        world_from_mesh: DMat4,
+        joints: Option<&[DMat4]>,
+    ) -> Result<(), MeshError> {
         let root = self.root;
         let Some(mesh) = root.meshes.get(index) else {
             let (location, found) = (Location::Entry("mesh", index), root.meshes.len().to_string());
@@ -163,7 +185,7 @@ impl SceneReader<'_> {
         for primitive in &mesh.primitives {
             self.num_primitives += 1;
             check_limit("primitives", self.num_primitives, MAX_PRIMITIVES)?;
-            self.add_primitive(primitive, world_from_mesh)?;
+            self.add_primitive(primitive, world_from_mesh, joints)?;
         }
         Ok(())
     }
@@ -172,6 +194,7 @@ impl SceneReader<'_> {
         &mut self,
         primitive: &Primitive,
         world_from_mesh: DMat4,
+        joints: Option<&[DMat4]>,
     ) -> Result<(), MeshError> {
         let root = self.root;
         let mode = match primitive.mode {
@@ -188,10 +211,22 @@ impl SceneReader<'_> {
         let first = self.builder.num_vertices() as u32;
         let location = Location::Entry("accessor", positions.value());
         let points = AccessorView::new(root, self.buffers, positions, Type::Vec3)?;
+        let joints = match joints {
+            Some(joints) => VertexJoints::new(root, self.buffers, primitive, joints, points.count)?,
+            None => None,
+        };
+        let mut is_mirrored = world_from_mesh.determinant() < 0.0;
+        let mut magnitudes = Vec::with_capacity(points.count);
         for row in 0..points.count {
-            let [x, y, z] = [0, 1, 2].map(|axis| points.value(row, axis));
-            let p = world_from_mesh.transform_point3(DVec3::new(x, y, z));
+            let point = DVec3::from_array([0, 1, 2].map(|axis| points.value(row, axis)));
+            let mut transform = world_from_mesh;
+            if let Some(joints) = &joints {
+                transform = joints.world_from_bind(row)?;
+                is_mirrored = transform.determinant() < 0.0;
+            }
+            let p = transform.transform_point3(point);
             self.builder.add_vertex([p.x, -p.z, p.y], location)?;
+            magnitudes.push(max_scale(&transform) * point.abs().max_element());
         }
         let (corners, location) = match primitive.indices {
             Some(index) => (
@@ -203,7 +238,7 @@ impl SceneReader<'_> {
         let count = corners.as_ref().map_or(points.count, |column| column.count);
         let num_triangles =
             if mode == Mode::Triangles { count / 3 } else { count.saturating_sub(2) };
-        let is_mirrored = world_from_mesh.determinant() < 0.0;
+        let mut magnitude = 0.0_f64;
         for i in 0..num_triangles {
             let mut triangle = match mode {
                 Mode::Triangles => [3 * i, 3 * i + 1, 3 * i + 2],
@@ -220,14 +255,23 @@ impl SceneReader<'_> {
                 let limits = format!("there are {}, counted from 0", points.count);
                 return Err(MeshError::BadIndex { location, index: i64::from(bad), limits });
             }
+            magnitude = triangle.iter().fold(magnitude, |m, &i| m.max(magnitudes[i as usize]));
             self.builder.add_polygon(&triangle.map(|corner| first + corner), location)?;
         }
+        self.builder.add_single_precision(magnitude);
         Ok(())
     }
 }
 
 fn children(node: &Node) -> impl DoubleEndedIterator<Item = Index<Node>> {
     node.children.iter().flatten().copied()
+}
+
+/// Max factor by which a transform stretches an axis.
+fn max_scale(transform: &DMat4) -> f64 {
+    [transform.x_axis, transform.y_axis, transform.z_axis]
+        .iter()
+        .fold(0.0, |max, axis| max.max(axis.truncate().length()))
 }
 
 /// Transform `parent_from_node`.

@@ -12,6 +12,7 @@ mod data_uri;
 mod glb;
 mod gltf;
 mod gltf_extensions;
+mod gltf_skin;
 mod obj;
 mod off;
 mod parse;
@@ -195,7 +196,7 @@ pub fn format_list() -> String {
 
 /// Type of a common non-mesh file, from its first bytes; `None` if unknown.
 fn sniff_foreign_format(bytes: &[u8]) -> Option<&'static str> {
-    let types: [(&[u8], &str); 9] = [
+    let types: [(&[u8], &str); 17] = [
         (b"\x89PNG", "a PNG image"),
         (b"\xff\xd8\xff", "a JPEG image"),
         (b"GIF8", "a GIF image"),
@@ -205,6 +206,14 @@ fn sniff_foreign_format(bytes: &[u8]) -> Option<&'static str> {
         (b"Kaydara FBX", "an FBX file"),
         (b"BLENDER", "a Blender file"),
         (b"ISO-10303-21", "a STEP file"),
+        (b"; FBX", "an FBX file"),
+        (b"PXR-USDC", "a USD file"),
+        (b"#usda", "a USD file"),
+        (b"#VRML", "a VRML file"),
+        (b"Rar!", "a RAR archive"),
+        (b"7z\xbc\xaf\x27\x1c", "a 7z archive"),
+        (b"\x28\xb5\x2f\xfd", "a file compressed by zstd, such as a Blender file"),
+        (b"version https://git-lfs", "a pointer of Git LFS, which stands for the real file"),
     ];
     let start = bytes.trim_ascii_start();
     let known = types.iter().find(|(magic, _)| start.starts_with(magic)).map(|&(_, name)| name);
@@ -217,6 +226,7 @@ fn sniff_foreign_format(bytes: &[u8]) -> Option<&'static str> {
             Some(b'<') if has(b"<collada") => Some("a COLLADA (.dae) file"),
             Some(b'<') if has(b"<html") || has(b"<!doctype html") => Some("a web page (HTML)"),
             Some(b'<') => Some("XML"),
+            Some(b'0') if has(b"section") => Some("a DXF file"),
             _ => None,
         }
     })
@@ -286,6 +296,15 @@ mod tests {
             (b"{\"object\": \"mug\"}", "JSON"),
             (b"<!DOCTYPE html><html><body>404</body></html>", "a web page (HTML)"),
             (b"<?xml version=\"1.0\"?><COLLADA/>", "a COLLADA (.dae) file"),
+            (b"; FBX 7.4.0 project file\nFBXHeaderExtension: {\n}\n", "an FBX file"),
+            (b"#usda 1.0\ndef Mesh \"cup\" {}\n", "a USD file"),
+            (b"#VRML V2.0 utf8\nShape {}\n", "a VRML file"),
+            (b"Rar!\x1a\x07\x01\0 data", "a RAR archive"),
+            (b"  0\r\nSECTION\r\n  2\r\nHEADER\r\n", "a DXF file"),
+            (
+                b"version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 12345\n",
+                "a pointer of Git LFS, which stands for the real file",
+            ),
             (b"Dear reader,\nthis is a letter.\n", "plain text"),
             (b"\x00\x01\x02\x03 random", "binary data of an unknown type"),
         ] {

@@ -82,8 +82,26 @@ fn floats(record: &[u8; RECORD_BYTES]) -> [f64; 12] {
 
 /// Parses the declared triangles, after a check of the length against the header.
 ///
-/// Bytes behind them are ignored, unless they are further triangles: then the count is wrong.
+/// Bytes behind them are ignored, unless they are another STL or further triangles: then the count is wrong.
 pub(super) fn read(bytes: &[u8]) -> Result<Mesh, MeshError> {
+    let mut builder = MeshBuilder::new(FORMAT, 0);
+    builder.set_single_precision();
+    let mut start = 0;
+    loop {
+        start += read_solid(&bytes[start..], start, &mut builder)?;
+        if !is_joined(&bytes[start..]) {
+            return builder.finish();
+        }
+    }
+}
+
+/// Whether the bytes behind a solid are a second file that was appended to the first.
+fn is_joined(bytes: &[u8]) -> bool {
+    triangle_count(bytes) > Some(0) && records(bytes).first().is_some_and(is_triangle)
+}
+
+/// Adds the triangles of the solid that begins at byte `start` of the file, and returns its length (bytes).
+fn read_solid(bytes: &[u8], start: usize, builder: &mut MeshBuilder) -> Result<usize, MeshError> {
     let count = triangle_count(bytes).unwrap_or(0);
     let extra = surplus_bytes(bytes, count);
     let records = records(bytes);
@@ -98,20 +116,18 @@ pub(super) fn read(bytes: &[u8]) -> Result<Mesh, MeshError> {
     if rest.first().is_some_and(is_triangle) {
         return Err(MeshError::Malformed {
             format: FORMAT,
-            location: Location::Byte(HEADER_BYTES - 4),
+            location: Location::Byte(start + HEADER_BYTES - 4),
             expected: "the number of triangles in the file",
             found: format!("{count}, but bytes for {}", records.len()),
         });
     }
-    let mut builder = MeshBuilder::new(FORMAT, 0);
-    builder.set_single_precision();
     for (i, record) in declared.iter().enumerate() {
-        let location = Location::Byte(HEADER_BYTES + i * RECORD_BYTES);
+        let location = Location::Byte(start + HEADER_BYTES + i * RECORD_BYTES);
         let floats = floats(record);
         let (corners, _) = floats[3..].as_chunks::<3>();
-        add_facet(&mut builder, corners.iter().copied(), location)?;
+        add_facet(builder, corners.iter().copied(), location)?;
     }
-    builder.finish()
+    Ok(HEADER_BYTES.min(bytes.len()) + declared.len() * RECORD_BYTES)
 }
 
 #[cfg(test)]
@@ -139,6 +155,20 @@ mod tests {
             bytes.extend_from_slice(tail);
             assert_eq!(read(&bytes).unwrap().triangles.len(), 12, "{} bytes", tail.len());
         }
+    }
+
+    #[test]
+    fn joined_files_are_read_as_one_mesh() {
+        let first = test_meshes::stl_binary(&test_meshes::cube());
+        let shifted = test_meshes::cube().translated(glamx::Vec3::X * 2.0);
+        let second = test_meshes::stl_binary(&shifted);
+        let joined = read(&[&first[..], &second].concat()).unwrap();
+        assert_eq!(joined.triangles.len(), 24);
+        assert_eq!(joined.extent(), glamx::Vec3::new(3.0, 1.0, 1.0));
+        let three = read(&[&first[..], &second, &first].concat()).unwrap();
+        assert_eq!(three.triangles.len(), 36);
+        let error = read(&[&first[..], &second[..200]].concat()).unwrap_err();
+        assert!(matches!(error, MeshError::Truncated { .. }), "{error}");
     }
 
     #[test]

@@ -95,6 +95,6 @@ fn invalid_inputs_are_rejected() {
         "a policy of another type than its folder name",
     );
     fails_with(&with("pot.obj:heavy"), "the mass (kg) is not a number");
-    fails_with(&with("pot.obj:-1"), "must be a positive number (kilograms)");
+    fails_with(&with("pot.obj:-1"), "the mass must be between 0.001 and 100 kg");
     fails_with(&with("pot.obj:1"), "cannot read pot.obj");
 }

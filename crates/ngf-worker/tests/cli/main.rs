@@ -6,5 +6,6 @@ mod bad_meshes;
 mod compare;
 mod dataset;
 mod evaluate;
+mod mesh_options;
 mod pipes;
 mod train;

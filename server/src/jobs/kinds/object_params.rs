@@ -5,18 +5,12 @@ use super::mesh_options;
 use super::param_checks::{Invalid, check_range, invalid};
 use mesh::{MeshOptions, Unit, UpAxis};
 use objects::catalog::CATALOG;
+use objects::import::{DENSITY_LIMITS, MASS_LIMITS};
 use objects::object::Object;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 use utoipa::ToSchema;
 use utoipa::openapi::schema::{ObjectBuilder, Schema, SchemaType, Type};
-
-/// Accepted masses (kg): from a sheet of paper to more than any robot hand lifts. The physics needs masses of
-/// similar orders of magnitude.
-const MASS_RANGE_KG: [f64; 2] = [0.001, 100.0];
-
-/// Accepted densities (kg/m³): from aerogel to osmium.
-const DENSITY_RANGE_KG_M3: [f64; 2] = [1.0, 23_000.0];
 
 /// Object of a job: a built-in object, or an uploaded mesh with its mass or density.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
@@ -59,8 +53,8 @@ impl ObjectParams {
     /// Accepts a built-in object, or a mesh with its mass or density; with `required` false, also no object.
     pub(super) fn validate(&self, required: bool) -> Result<(), Invalid> {
         let masses = [
-            ("mass_kg", self.mass_kg, MASS_RANGE_KG),
-            ("density_kg_m3", self.density_kg_m3, DENSITY_RANGE_KG_M3),
+            ("mass_kg", self.mass_kg, MASS_LIMITS),
+            ("density_kg_m3", self.density_kg_m3, DENSITY_LIMITS),
         ];
         for (param, value, [min, max]) in masses {
             if let Some(value) = value {

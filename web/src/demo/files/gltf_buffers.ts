@@ -20,26 +20,35 @@ const VERSION = 2;
 const JSON_CHUNK = 0x4e4f534a;
 const BINARY_CHUNK = 0x004e4942;
 
-// The file with its buffers, or the file itself if a buffer is missing, embedded or not needed: the worker then
-// names the cause.
+// The file with those of its buffers that are in other files. The other buffers stay as they are: the worker reads
+// embedded ones, and names a missing one if the geometry needs it.
 export async function embedBuffers(file: File, find: FindFile): Promise<File> {
   const gltf = await parse(file);
   const buffers = gltf?.buffers ?? [];
   if (!gltf || buffers.length === 0) return file;
   const files = buffers.map(({ uri }) => (uri === undefined || uri.startsWith("data:") ? undefined : findEscaped(uri, find)));
-  if (files.some((buffer) => buffer === undefined)) return file;
-  const contents = await Promise.all(files.map((buffer) => buffer!.arrayBuffer()));
-  const offsets: number[] = [];
+  if (files.every((buffer) => buffer === undefined)) return file;
+  const contents: ArrayBuffer[] = [];
+  // Offset of each found buffer in the binary chunk, which is the first buffer, and new index of the others.
+  const offsets = new Map<number, number>();
+  const indices = new Map<number, number>();
+  const kept: typeof buffers = [];
   let length = 0;
-  for (const content of contents) {
-    offsets.push(length);
-    length += padded(content.byteLength);
+  for (const [index, found] of files.entries()) {
+    if (found) {
+      const content = await found.arrayBuffer();
+      offsets.set(index, length);
+      length += padded(content.byteLength);
+      contents.push(content);
+    } else {
+      indices.set(index, kept.push(buffers[index]!));
+    }
   }
   for (const view of gltf.bufferViews ?? []) {
-    view.byteOffset = (view.byteOffset ?? 0) + (offsets[view.buffer] ?? 0);
-    view.buffer = 0;
+    view.byteOffset = (view.byteOffset ?? 0) + (offsets.get(view.buffer) ?? 0);
+    view.buffer = indices.get(view.buffer) ?? 0;
   }
-  const json = new TextEncoder().encode(JSON.stringify({ ...gltf, buffers: [{ byteLength: length }] }));
+  const json = new TextEncoder().encode(JSON.stringify({ ...gltf, buffers: [{ byteLength: length }, ...kept] }));
   return new File(glb(json, contents, length), file.name);
 }
 

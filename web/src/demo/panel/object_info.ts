@@ -1,5 +1,6 @@
 // Object information, and the import options of a mesh file: size, up axis, mass, orientation.
 
+import { MASS_LIMITS_KG } from "../../common/constants";
 import { choice, element, h } from "../../common/dom";
 import type { EventBus } from "../app/event_bus";
 import { OBJECT_INFO } from "../app/strings";
@@ -28,8 +29,9 @@ export class ObjectInfoPanel {
     this.#pressUnit = choice("unit-choice", (value) => onChange({ unit: value as Unit, sizeM: null, massKg: null }));
     this.#shape = new MeshShapeFields(onChange);
     this.#grams.addEventListener("change", () => {
-      const grams = this.#grams.valueAsNumber;
-      onChange({ massKg: grams > 0 ? grams / 1000 : null });
+      const kg = this.#grams.valueAsNumber / 1000;
+      const [min, max] = MASS_LIMITS_KG;
+      onChange({ massKg: kg > 0 ? Math.min(Math.max(kg, min), max) : null });
     });
     // The field may hold an invalid mass, or that of the previous object.
     this.#grams.addEventListener("blur", () => this.#writeMass());

@@ -1,6 +1,7 @@
 // Share link: object, pose, seed, policy, view, time and final state hash of an attempt. `ngf replay` reads
 // it too.
 
+import { MASS_LIMITS_KG } from "../../common/constants";
 import { LINK } from "../app/strings";
 import type { ImportOptions } from "../worker/messages";
 import type { Orientation, PlanarPose, Unit, UpAxis } from "../worker/protocol";
@@ -62,9 +63,13 @@ export function buildLink(link: ShareLink, page = location.href): string {
 // Fields that only a share link has.
 const FIELDS = ["oh", "sc", "h"];
 
-// Undoes the changes that mail and chat programs make to a fragment: escaped separators, "&" as "&amp;".
+// Punctuation of the sentence around a link, which programs take for its end. Browsers escape some of it.
+const PUNCTUATION = /(?:[.,;:!?)\]}>"'*»”’\s]|%22|%27|%3E|%7D|%C2%BB|%E2%80%9D|%E2%80%99)+$/i;
+
+// Undoes the changes that mail and chat programs make to a fragment: escaped separators, "&" as "&amp;",
+// punctuation at the end.
 function restoreFragment(hash: string): string {
-  const fragment = hash.replace(/^#?(%23)?/, "");
+  const fragment = hash.replace(/^#?(%23)?/, "").replace(PUNCTUATION, "");
   // Separators are never escaped in a link, so all of them were, and the values twice.
   const isEscaped = !fragment.includes("=") && /%3D/i.test(fragment);
   return (isEscaped ? unescape(fragment) : fragment).replace(/&(amp;)+/g, "&");
@@ -91,6 +96,11 @@ export function parseLink(hash = location.hash): ShareLink | null {
     if (value === null || value === "") throw new Error(LINK.fieldMissing(name));
     return value;
   };
+  const hexDigits = (name: string) => {
+    const value = text(name);
+    if (!/^[0-9a-f]+$/i.test(value)) throw new Error(LINK.fieldInvalid(name, value));
+    return value;
+  };
   const numbers = (name: string, count: number) => {
     const values = text(name).split(",").map(Number);
     if (values.length !== count || !values.every(Number.isFinite)) throw new Error(LINK.fieldNotNumbers(name, count));
@@ -99,13 +109,13 @@ export function parseLink(hash = location.hash): ShareLink | null {
   const [x, y, yaw] = numbers("p", 3);
   return {
     object: text("o"),
-    objectHash: text("oh"),
+    objectHash: hexDigits("oh"),
     options: {
       unit: fields.has("u") ? parseUnit(text("u")) : null,
       sizeM: fields.has("sz") ? positive("sz", numbers("sz", 1)[0]) : null,
       scale: fields.has("sf") ? positive("sf", numbers("sf", 1)[0]) : null,
       up: fields.has("up") ? parseUpAxis(text("up")) : null,
-      massKg: fields.has("kg") ? positive("kg", numbers("kg", 1)[0]) : null,
+      massKg: fields.has("kg") ? parseMass("kg", numbers("kg", 1)[0]) : null,
       orientation: fields.has("st") ? parseOrientation(text("st")) : null,
     },
     mesh: fields.get("mesh"),
@@ -113,11 +123,11 @@ export function parseLink(hash = location.hash): ShareLink | null {
     placedByHand: fields.has("d"),
     seed: parseSeed("s", numbers("s", 1)[0]),
     model: text("m"),
-    modelHash: fields.get("mh"),
-    sceneHash: text("sc"),
+    modelHash: fields.has("mh") ? hexDigits("mh") : null,
+    sceneHash: hexDigits("sc"),
     view: fields.has("c") ? numbers("c", 6) : null,
     tick: fields.has("t") ? numbers("t", 1)[0] : null,
-    finalStateHash: text("h"),
+    finalStateHash: hexDigits("h"),
   };
 }
 
@@ -138,6 +148,12 @@ function parseUpAxis(text: string): UpAxis {
 function positive(name: string, value: number): number {
   if (value <= 0) throw new Error(LINK.fieldInvalid(name, String(value)));
   return value;
+}
+
+function parseMass(name: string, kg: number): number {
+  const [min, max] = MASS_LIMITS_KG;
+  if (kg < min || kg > max) throw new Error(LINK.fieldInvalid(name, String(kg)));
+  return kg;
 }
 
 function nonNegativeInteger(name: string, value: number): number {
