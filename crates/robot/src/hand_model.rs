@@ -38,6 +38,8 @@ pub struct HandModel {
     pub grasp: GraspFrame,
     /// Flexion of the fingers that closes the hand.
     pub closing: Closing,
+    /// Pinches of low objects.
+    pub pinch: PinchModel,
     /// Flexion of the fingers that opens the hand.
     pub opening: Opening,
     /// Forces of the fingers on a grasped object.
@@ -143,6 +145,20 @@ pub struct Closing {
     pub thumb_rates: [f64; FINGER_FLEXION_DOF],
     /// Flexion (rad) of every flexing joint in the scripted closing, a control experiment.
     pub scripted_angle: f64,
+}
+
+/// Where the fingertips can slide along a table towards each other. Ranges of random values.
+#[derive(Clone, Debug, PartialEq, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PinchModel {
+    /// Point between the fingertips along the palm's normal (m, palm frame).
+    pub center_x: [f64; 2],
+    /// The same point along the fingers (m, palm frame).
+    pub center_z: [f64; 2],
+    /// Angle (rad) of the palm's normal from straight down.
+    pub tilt: [f64; 2],
+    /// Sets of fingers that oppose the thumb; 0 is the index finger.
+    pub finger_sets: Vec<Vec<usize>>,
 }
 
 /// Flexion of the fingers that opens the hand.

@@ -3,6 +3,7 @@
 use crate::RobotContext;
 use crate::search::closing::{self, ClosingConfig};
 use crate::search::contact_forces::{self, SqueezeConfig};
+use crate::search::pinch::{ClosedPinch, PinchPlan};
 use crate::set::grasp::{Grasp, object_shapes, table_shape};
 use geometry::convex_shape::ConvexShape;
 use geometry::{Pose, Vec3};
@@ -68,6 +69,7 @@ impl CandidateConfig {
                 stiffness: f64::from(scene.motors.hand_stiffness),
                 max_torque: hand.squeeze.max_torque,
                 squeeze_gain: hand.squeeze.gain,
+                max_scale: f64::INFINITY,
             },
         }
     }
@@ -210,12 +212,69 @@ pub fn evaluate_candidate(
     {
         return Err(Rejection::TooFewContacts.into());
     }
+    let posture = ClosedPosture { pregrasp, closed, object_from_palm, world_from_object };
+    balance(tree, target, config, &posture)
+}
+
+/// Evaluates a pinch: closes the fingers along their paths and balances the contact forces.
+pub(crate) fn evaluate_pinch(
+    robot: &RobotContext,
+    target: &SearchTarget,
+    config: &CandidateConfig,
+    plan: &PinchPlan,
+) -> Result<(Grasp, contact_forces::Squeeze), Rejected> {
+    let tree = &robot.tree;
+    let open = robot::joint_vector(&[0.0; ARM_DOF], &config.pregrasp);
+    let palm = tree.forward_kinematics(&open).palm_pose();
+    let world_from_object = palm * plan.object_from_palm.inverse();
+    let pose = rotation::to_pose(&world_from_object);
+    let shapes: Vec<_> = target.shapes.iter().map(|shape| shape.transformed(&pose)).collect();
+    let table = target.table.transformed(&pose);
+    let contact_distance = config.closing.contact_distance;
+    let pinch = plan.close(robot, &open, &world_from_object, &shapes, contact_distance);
+    let ClosedPinch { pregrasp, closed } = pinch.ok_or(Rejection::TooFewContacts)?;
+    let gap = |q: &robot::JointVector, others: &[ConvexShape]| {
+        let kinematics = tree.forward_kinematics(q);
+        let model = &robot.collision_model;
+        let gaps = (ARM_DOF..=DOF).map(|body| model.body_distance(&kinematics, body, others, 0.01));
+        gaps.fold(f32::INFINITY, f32::min)
+    };
+    let touch = robot::joint_vector(&[0.0; ARM_DOF], &closed.hand);
+    let table = std::slice::from_ref(&table);
+    if gap(&pregrasp, table) < config.closing.table_clearance
+        || gap(&touch, table) < config.closing.table_clearance
+        || gap(&pregrasp, &shapes) < config.min_clearance
+    {
+        return Err(Rejection::Collision.into());
+    }
+    let object_from_palm = plan.object_from_palm;
+    let posture = ClosedPosture { pregrasp, closed, object_from_palm, world_from_object: pose };
+    balance(tree, target, config, &posture)
+}
+
+/// The hand at an object, closed from `pregrasp`.
+struct ClosedPosture {
+    pregrasp: robot::JointVector,
+    closed: closing::ClosedHand,
+    object_from_palm: Isometry,
+    world_from_object: Pose,
+}
+
+/// Balances the contact forces of a closed hand.
+fn balance(
+    tree: &robot::KinematicTree,
+    target: &SearchTarget,
+    config: &CandidateConfig,
+    posture: &ClosedPosture,
+) -> Result<(Grasp, contact_forces::Squeeze), Rejected> {
+    let ClosedPosture { pregrasp, closed, object_from_palm, world_from_object } = posture;
+    let object_from_palm = *object_from_palm;
     let squeeze = contact_forces::compute_squeeze(
         tree,
-        &pregrasp,
-        &closed,
+        pregrasp,
+        closed,
         target.object,
-        &world_from_object,
+        world_from_object,
         &config.squeeze,
     )
     .ok_or(Rejection::TooFewContacts)?;
@@ -232,7 +291,7 @@ pub fn evaluate_candidate(
     let grasp = Grasp {
         cluster: 0,
         object_from_palm,
-        pregrasp: config.pregrasp,
+        pregrasp: robot::hand_joints(pregrasp),
         grasp: closed.hand,
         squeeze: squeeze.hand,
     };

@@ -24,6 +24,9 @@ pub struct SqueezeConfig {
     /// with the reduced torque. A saturated motor gives no more torque for a larger offset; the other motors
     /// press harder.
     pub squeeze_gain: f64,
+    /// Maximum ratio of the commanded forces to the required ones. Fingers that press a thin object as hard as they
+    /// can push it out between them.
+    pub max_scale: f64,
 }
 
 /// A squeeze posture, and how well its forces balance.
@@ -87,7 +90,8 @@ pub fn compute_squeeze(
     }
     let max_torque = (ARM_DOF..ARM_DOF + HAND_DOF).map(|i| torques[i].abs()).fold(1e-9, f64::max);
     let scale = config.max_torque / max_torque;
-    let pressing = touch + torques * (config.squeeze_gain * scale / config.stiffness);
+    let pressed_scale = scale.min(config.max_scale);
+    let pressing = touch + torques * (config.squeeze_gain * pressed_scale / config.stiffness);
     let hand = robot::hand_joints(&tree.limits.clamp(&pressing, 0.0));
     Some(Squeeze { hand, wrench_residual: residual / pressed, force_margin: scale })
 }
@@ -151,6 +155,7 @@ mod tests {
         stiffness: 3.0,
         max_torque: 0.6,
         squeeze_gain: 1.0,
+        max_scale: f64::INFINITY,
     };
 
     #[test]

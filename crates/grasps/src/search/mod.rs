@@ -8,6 +8,7 @@ pub mod contact_forces;
 mod grasp_search;
 mod palm_transfer;
 pub(crate) mod parallel;
+mod pinch;
 pub mod robustness;
 mod run;
 mod task;

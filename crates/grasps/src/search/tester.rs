@@ -21,7 +21,7 @@ pub struct GraspTester<'a> {
     pub(crate) object: &'a Object,
     pub(crate) config: &'a SearchConfig,
     pub(crate) at_origin: PlacedObject<'a>,
-    target: SearchTarget<'a>,
+    pub(crate) target: SearchTarget<'a>,
     /// Displacements of the object in the repeats, the same for every grasp: x, y (m), yaw (rad).
     perturbations: Vec<[f32; 3]>,
     seed: u64,
