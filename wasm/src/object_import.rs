@@ -356,8 +356,8 @@ mod tests {
             };
             import("box.obj", &BOX.replace("120", height), options).unwrap().info.graspability
         };
-        assert!(fits("30", Unit::Millimetre).ends_with("3.0 cm high: too low to grasp"));
-        assert!(fits("38", Unit::Millimetre).ends_with("fits the hand"));
+        assert!(fits("8", Unit::Millimetre).ends_with("0.8 cm high: too low to grasp"));
+        assert!(fits("12", Unit::Millimetre).ends_with("fits the hand"));
         let wide = fits("12", Unit::Centimetre);
         assert!(wide.contains("only a rim or an edge") && !wide.contains("too low"), "{wide}");
     }

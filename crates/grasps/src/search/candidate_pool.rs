@@ -80,8 +80,7 @@ impl CandidatePool {
         let new = new.filter(|(_, one)| one.is_new() && one.counterpart_of.is_none());
         let mut new: Vec<(usize, f64)> = new.map(|(index, one)| (index, chance(one))).collect();
         let mut chosen = Vec::new();
-        let max = self.config.max_tested.saturating_sub(self.num_tested());
-        while chosen.len() < count.min(max) {
+        while chosen.len() < count {
             if !self.config.needs_coverage() {
                 covered.fill(false);
             }

@@ -108,6 +108,8 @@ impl From<Rejection> for Rejected {
 pub struct NearMiss {
     /// Palm pose in the object's frame.
     pub object_from_palm: Isometry,
+    /// Parameters of a pinch.
+    pub pinch: Option<PinchPlan>,
     /// Ratio of the wrench residual to its maximum plus the ratio of the minimum force margin to the margin.
     pub error: f64,
 }
@@ -226,7 +228,8 @@ pub(crate) fn evaluate_pinch(
     let tree = &robot.tree;
     let open = robot::joint_vector(&[0.0; ARM_DOF], &config.pregrasp);
     let palm = tree.forward_kinematics(&open).palm_pose();
-    let world_from_object = palm * plan.object_from_palm.inverse();
+    let object_from_palm = plan.object_from_palm(tree);
+    let world_from_object = palm * object_from_palm.inverse();
     let pose = rotation::to_pose(&world_from_object);
     let shapes: Vec<_> = target.shapes.iter().map(|shape| shape.transformed(&pose)).collect();
     let table = target.table.transformed(&pose);
@@ -247,9 +250,13 @@ pub(crate) fn evaluate_pinch(
     {
         return Err(Rejection::Collision.into());
     }
-    let object_from_palm = plan.object_from_palm;
     let posture = ClosedPosture { pregrasp, closed, object_from_palm, world_from_object: pose };
-    balance(tree, target, config, &posture)
+    balance(tree, target, config, &posture).map_err(|mut rejected| {
+        if let Some(near_miss) = &mut rejected.near_miss {
+            near_miss.pinch = Some(plan.clone());
+        }
+        rejected
+    })
 }
 
 /// The hand at an object, closed from `pregrasp`.
@@ -284,8 +291,8 @@ fn balance(
     ];
     if unbalance > 1.0 || overload > 1.0 {
         let reason = if unbalance > 1.0 { Rejection::Unbalanced } else { Rejection::TooHeavy };
-        let near_miss =
-            NearMiss { object_from_palm, error: unbalance.max(1.0) + overload.max(1.0) };
+        let error = unbalance.max(1.0) + overload.max(1.0);
+        let near_miss = NearMiss { object_from_palm, pinch: None, error };
         return Err(Rejected { reason, near_miss: Some(near_miss) });
     }
     let grasp = Grasp {

@@ -15,7 +15,6 @@ use crate::set::grasp::Grasp;
 use crate::set::grasp_set::GraspSet;
 use crate::set::k_medoids::palm_distance;
 use objects::object::Object;
-use robot::Isometry;
 
 /// A running search. It proposes batches of independent [`Task`]s and decides on their results; the caller
 /// executes them where it wants. [`search`](super::search) uses all cores, a page its workers.
@@ -28,6 +27,8 @@ pub struct GraspSearch {
     round: u32,
     /// Whether there is nothing left to try.
     is_exhausted: bool,
+    /// Whether the limits of the configuration are extended, because grasps lift but none is robust.
+    is_extended: bool,
     /// Number of covered poses, and of tested candidates when it last changed.
     last_coverage: (usize, usize),
     /// The best rejected candidates, best first.
@@ -102,6 +103,12 @@ const RARE: f64 = 0.005;
 const MAX_NEAR_MISSES: usize = 12;
 const NUM_EVERYWHERE: usize = 4;
 
+/// Sampling also evolves where grasps lift but none is robust: around this many that lifted most often.
+const MAX_LIFTED_REGIONS: usize = 4;
+
+/// Factor on the maximum numbers of closed and tested candidates of such a search. A hammer needs it.
+const EXTENSION: usize = 3;
+
 /// Share of the completed fraction that the trials before the confirmation get.
 const TRYING_SHARE: f64 = 0.75;
 
@@ -113,6 +120,7 @@ impl GraspSearch {
             stage: Stage::Sampling,
             round: 0,
             is_exhausted: false,
+            is_extended: false,
             last_coverage: (0, 0),
             near_misses: Vec::new(),
             pending: Vec::new(),
@@ -219,13 +227,15 @@ impl GraspSearch {
 
     /// The stage that follows one without tasks.
     fn next_stage(&mut self) -> Stage {
-        match self.stage {
+        let stage = self.stage;
+        match stage {
             Stage::Sampling => Stage::Trying,
             Stage::Trying if self.is_enough() => Stage::Reaching,
             Stage::Trying if self.can_sample() && self.can_test() => {
                 self.round += 1;
                 Stage::Sampling
             }
+            Stage::Trying if self.extend() => Stage::Trying,
             Stage::Trying => {
                 self.is_exhausted = true;
                 Stage::Reaching
@@ -233,23 +243,47 @@ impl GraspSearch {
             Stage::Reaching => Stage::Confirming,
             // Selected grasps have failed in their repeats.
             Stage::Confirming if !self.is_exhausted && !self.is_enough() => Stage::Trying,
+            Stage::Confirming if self.extend() => {
+                self.is_exhausted = false;
+                Stage::Trying
+            }
             Stage::Confirming | Stage::Finished => Stage::Finished,
         }
     }
 
     /// Number of closed candidates at which a round of sampling ends.
     fn round_target(&self) -> usize {
-        (FIRST_ROUND << self.round).min(self.pool.config.max_closed)
+        (FIRST_ROUND << self.round).min(self.max_closed())
+    }
+
+    fn max_closed(&self) -> usize {
+        self.extension() * self.pool.config.max_closed
+    }
+
+    fn max_tested(&self) -> usize {
+        self.extension() * self.pool.config.max_tested
+    }
+
+    /// Factor on the limits of the configuration.
+    fn extension(&self) -> usize {
+        if self.is_extended { EXTENSION } else { 1 }
+    }
+
+    /// Extends a search that would end without a robust grasp, once. Returns whether it has.
+    fn extend(&mut self) -> bool {
+        let extends = !self.is_extended && self.counts.robust == 0 && self.counts.lifted > 0;
+        self.is_extended |= extends;
+        extends
     }
 
     fn can_sample(&self) -> bool {
         self.counts.candidates < self.pool.config.max_candidates
-            && self.round_target() < self.pool.config.max_closed
+            && self.round_target() < self.max_closed()
     }
 
     /// Whether another new candidate may be tested.
     fn can_test(&self) -> bool {
-        self.pool.num_tested() < self.pool.config.max_tested
+        self.pool.num_tested() < self.max_tested()
     }
 
     fn closing_batch(&mut self) -> Vec<(Purpose, Task)> {
@@ -257,16 +291,37 @@ impl GraspSearch {
         if is_full || self.counts.candidates >= self.pool.config.max_candidates {
             return Vec::new();
         }
+        let lifted = self.lifted_regions();
+        if !lifted.is_empty() {
+            let everywhere = std::iter::repeat_n(Region::Everywhere, NUM_EVERYWHERE);
+            let regions = lifted.into_iter().chain(everywhere);
+            return regions.flat_map(|region| self.sample(1, None, &region)).collect();
+        }
         let is_rare = self.counts.candidates >= MIN_SAMPLE
             && (self.counts.closed as f64) < RARE * self.counts.candidates as f64;
         if !is_rare {
             return self.sample(CLOSINGS_PER_BATCH, None, &Region::Everywhere);
         }
-        let near_misses: Vec<Isometry> =
-            self.near_misses.iter().map(|near_miss| near_miss.object_from_palm).collect();
-        let around = near_misses.into_iter().map(Region::Around);
-        let regions = around.chain(std::iter::repeat_n(Region::Everywhere, NUM_EVERYWHERE));
+        let near_misses = self.near_misses.iter();
+        let around: Vec<Region> = near_misses
+            .map(|near_miss| Region::around(&near_miss.object_from_palm, &near_miss.pinch))
+            .collect();
+        let everywhere = std::iter::repeat_n(Region::Everywhere, NUM_EVERYWHERE);
+        let regions = around.into_iter().chain(everywhere);
         regions.flat_map(|region| self.sample(1, None, &region)).collect()
+    }
+
+    /// Regions around the grasps that lifted most often, while none is robust.
+    fn lifted_regions(&self) -> Vec<Region> {
+        if self.counts.robust > 0 {
+            return Vec::new();
+        }
+        let lifted = self.pool.candidates.iter().filter(|one| one.num_lifted() > 0);
+        let mut lifted: Vec<&TestedCandidate> = lifted.collect();
+        lifted.sort_by_key(|one| std::cmp::Reverse(one.num_lifted()));
+        let region =
+            |one: &&TestedCandidate| Region::around(&one.grasp.object_from_palm, &one.pinch);
+        lifted.iter().take(MAX_LIFTED_REGIONS).map(region).collect()
     }
 
     fn sample(
@@ -299,7 +354,8 @@ impl GraspSearch {
         let counterparts = self.pool.counterparts_to_test(&self.turned);
         batch.extend(counterparts.into_iter().map(|index| self.approach_task(index)));
         if !self.is_enough() {
-            let count = TRIALS_PER_BATCH.saturating_sub(batch.len());
+            let max = self.max_tested().saturating_sub(self.pool.num_tested());
+            let count = TRIALS_PER_BATCH.saturating_sub(batch.len()).min(max);
             let new = self.pool.most_valuable(count);
             batch.extend(new.into_iter().map(|index| self.approach_task(index)));
         }
@@ -419,6 +475,7 @@ mod tests {
     use super::*;
     use crate::plan::object_poses::NUM_COVERAGE_POSES;
     use crate::search::task::{ClosedCandidate, SPARSE_STEP, TrialResult};
+    use robot::Isometry;
 
     const NUM_SPARSE: usize = NUM_COVERAGE_POSES / SPARSE_STEP;
 
@@ -444,7 +501,8 @@ mod tests {
                     squeeze: hand,
                 };
                 let sparse_reach = (0..NUM_SPARSE).map(|pose| reaches(*first, pose)).collect();
-                let candidates = vec![ClosedCandidate { grasp, force_margin: 1.0, sparse_reach }];
+                let candidates =
+                    vec![ClosedCandidate { grasp, pinch: None, force_margin: 1.0, sparse_reach }];
                 TaskResult::Closed {
                     candidates,
                     rejections: Rejections::default(),
@@ -508,7 +566,7 @@ mod tests {
         assert_eq!(set.num_tried, 30);
         // Repeats are as necessary as the first trial.
         let (set, _) = run(config, &|_, trial| trial == Trial::Screening);
-        assert_eq!((set.num_lifted, set.num_robust), (30, 0), "{set:?}");
+        assert_eq!((set.num_lifted, set.num_robust), (EXTENSION * 30, 0), "{set:?}");
     }
 
     #[test]

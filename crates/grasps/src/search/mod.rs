@@ -19,6 +19,7 @@ pub mod trial;
 
 pub use config::SearchConfig;
 pub use grasp_search::{GraspSearch, SearchCounts};
+pub use pinch::PinchPlan;
 pub use run::{STAGE, refine_around, search, try_imported};
 pub use task::{ClosedCandidate, Region, Task, TaskResult, TrialResult};
 pub use tester::{GraspTester, Trial};

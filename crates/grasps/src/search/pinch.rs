@@ -14,6 +14,7 @@ use robot::tree::Primitive;
 use robot::{
     ARM_DOF, FINGER_DOF, Isometry, JointVector, KinematicTree, NUM_FINGERS, Vector, rotation,
 };
+use serde::{Deserialize, Serialize};
 
 /// Max height (m) of an object whose candidates include pinches.
 pub(crate) const MAX_HEIGHT: f32 = 0.05;
@@ -35,53 +36,97 @@ const PATH_STEP: f64 = 0.003;
 /// Max distance (m) of a fingertip from its path.
 const MAX_PATH_ERROR: f64 = 0.002;
 
-/// Palm pose, and paths of the fingertips, object frame.
-#[derive(Clone, Debug)]
-pub(crate) struct PinchPlan {
-    /// Palm pose (m).
-    pub(crate) object_from_palm: Isometry,
-    /// Point (m) at which all paths end, but for the lateral offsets.
-    center: Vector,
-    /// Horizontal unit vector from the thumb to the fingers.
-    direction: Vector,
-    /// Lateral offset (m) of the path of each fingertip; `None` for an unused finger.
-    lateral: [Option<f64>; NUM_FINGERS],
+/// Parameters of a pinch, object frame.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct PinchPlan {
+    /// Point (m) at which the paths of the fingertips end, but for their lateral offsets.
+    center: [f64; 3],
+    /// Angle (rad) of the horizontal direction from the thumb to the fingers.
+    yaw: f64,
+    /// Angle (rad) of the palm's normal from straight down, towards the thumb.
+    tilt: f64,
+    /// The centre along the palm's normal and along the fingers (m, palm frame).
+    palm: [f64; 2],
+    /// Factor on the lateral distances between the fingers.
+    spread: f64,
+    /// Index of the set of fingers that oppose the thumb.
+    finger_set: usize,
     /// Distance (m) of a fingertip from the object before it closes.
     opening: f32,
 }
 
-/// Samples a pinch in a horizontal direction near the centre of mass.
-pub(crate) fn sample(robot: &RobotContext, object: &Object, rng: &mut impl Rng) -> PinchPlan {
-    let model = &robot.tree.hand.pinch;
-    let [min, max] = object.bounds.map(rotation::to_vector);
-    let half = (max - min) * 0.5;
-    let mut draw = |[low, high]: [f64; 2]| rng.random_range(low..=high);
-    let com = rotation::to_vector(object.center_of_mass);
-    let lowest = fingertip_radius(&robot.tree) + draw(TABLE_GAP);
-    let [x, y] = [half.x, half.y].map(|half| half * draw([-MAX_OFFSET, MAX_OFFSET]));
-    let center = Vector::new(com.x + x, com.y + y, lowest.max(draw(HEIGHT) * max.z));
-    let around = draw([-std::f64::consts::PI, std::f64::consts::PI]);
-    let turn = rotation::from_axis_angle(&Vector::z(), around);
-    // The palm's normal is its x axis; a quarter turn about y points it straight down.
-    let down = std::f64::consts::FRAC_PI_2 + draw(model.tilt);
-    let palm_turn = turn * rotation::from_axis_angle(&Vector::y(), down);
-    let (x, z, spread) = (draw(model.center_x), draw(model.center_z), draw(SPREAD));
-    let opening = rng.random_range(OPENING[0]..=OPENING[1]);
-    let fingers = &model.finger_sets[rng.random_range(0..model.finger_sets.len())];
-    let base = |finger: &usize| finger_base(&robot.tree, *finger);
-    let mean = fingers.iter().map(base).sum::<f64>() / fingers.len() as f64;
-    let mut lateral = [None; NUM_FINGERS];
-    for finger in fingers {
-        lateral[*finger] = Some(spread * (base(finger) - mean));
+impl PinchPlan {
+    /// Samples a pinch in a horizontal direction near the centre of mass.
+    pub(crate) fn sample(robot: &RobotContext, object: &Object, rng: &mut impl Rng) -> Self {
+        let model = &robot.tree.hand.pinch;
+        let [min, max] = object.bounds.map(rotation::to_vector);
+        let half = (max - min) * 0.5;
+        let mut draw = |[low, high]: [f64; 2]| rng.random_range(low..=high);
+        let com = rotation::to_vector(object.center_of_mass);
+        let lowest = fingertip_radius(&robot.tree) + draw(TABLE_GAP);
+        let [x, y] = [half.x, half.y].map(|half| half * draw([-MAX_OFFSET, MAX_OFFSET]));
+        let center = [com.x + x, com.y + y, lowest.max(draw(HEIGHT) * max.z)];
+        let yaw = draw([-std::f64::consts::PI, std::f64::consts::PI]);
+        let tilt = draw(model.tilt);
+        let (palm, spread) = ([model.center_x, model.center_z].map(&mut draw), draw(SPREAD));
+        Self {
+            center,
+            yaw,
+            tilt,
+            palm,
+            spread,
+            opening: rng.random_range(OPENING[0]..=OPENING[1]),
+            finger_set: rng.random_range(0..model.finger_sets.len()),
+        }
     }
-    lateral[NUM_FINGERS - 1] = Some(0.0);
-    let position = center - palm_turn * Vector::new(x, mean, z);
-    PinchPlan {
-        object_from_palm: Isometry::from_parts(position.into(), palm_turn),
-        center,
-        direction: turn * Vector::x(),
-        lateral,
-        opening,
+
+    /// A similar pinch: each length differs by up to `shift` (m), each angle by up to `turn` (rad). The height stays,
+    /// because fingertips touch the table otherwise.
+    pub(crate) fn perturbed(&self, shift: f64, turn: f64, rng: &mut impl Rng) -> Self {
+        let mut near = |value: f64, reach: f64| value + rng.random_range(-reach..=reach);
+        let [x, y, z] = self.center;
+        Self {
+            center: [near(x, shift), near(y, shift), z],
+            yaw: near(self.yaw, turn),
+            tilt: near(self.tilt, turn),
+            palm: self.palm.map(|length| near(length, shift)),
+            spread: near(self.spread, turn),
+            ..*self
+        }
+    }
+
+    /// Palm pose (m), object frame.
+    pub(crate) fn object_from_palm(&self, tree: &KinematicTree) -> Isometry {
+        // The palm's normal is its x axis; a quarter turn about y points it straight down.
+        let down = std::f64::consts::FRAC_PI_2 + self.tilt;
+        let turn = rotation::from_axis_angle(&Vector::z(), self.yaw)
+            * rotation::from_axis_angle(&Vector::y(), down);
+        let [x, z] = self.palm;
+        let lateral = self.mean_base(tree);
+        let position = Vector::from(self.center) - turn * Vector::new(x, lateral, z);
+        Isometry::from_parts(position.into(), turn)
+    }
+
+    /// Mean lateral position (m, palm frame) of the bases of the fingers that oppose the thumb.
+    fn mean_base(&self, tree: &KinematicTree) -> f64 {
+        let fingers = self.fingers(tree);
+        fingers.iter().map(|finger| finger_base(tree, *finger)).sum::<f64>() / fingers.len() as f64
+    }
+
+    fn fingers<'a>(&self, tree: &'a KinematicTree) -> &'a [usize] {
+        let sets = &tree.hand.pinch.finger_sets;
+        sets.get(self.finger_set).map_or(&[], |fingers| fingers)
+    }
+
+    /// Lateral offset (m) of the path of each fingertip; `None` for an unused finger.
+    fn lateral_offsets(&self, tree: &KinematicTree) -> [Option<f64>; NUM_FINGERS] {
+        let mean = self.mean_base(tree);
+        let mut offsets = [None; NUM_FINGERS];
+        for finger in self.fingers(tree) {
+            offsets[*finger] = Some(self.spread * (finger_base(tree, *finger) - mean));
+        }
+        offsets[NUM_FINGERS - 1] = Some(0.0);
+        offsets
     }
 }
 
@@ -121,11 +166,14 @@ impl PinchPlan {
         shapes: &[ConvexShape],
         contact_distance: f32,
     ) -> Option<ClosedPinch> {
+        let lateral = self.lateral_offsets(&robot.tree);
+        let direction = rotation::from_axis_angle(&Vector::z(), self.yaw) * Vector::x();
+        let across = Vector::z().cross(&direction);
         let (mut pregrasp, mut grasp) = (*open, *open);
         let mut contacts = [None; NUM_FINGERS];
         for finger in 0..NUM_FINGERS {
             let first = ARM_DOF + FINGER_DOF * finger;
-            let Some(lateral) = self.lateral[finger] else {
+            let Some(lateral) = lateral[finger] else {
                 // A straight finger is above the table.
                 for i in first + 1..first + FINGER_DOF {
                     (pregrasp[i], grasp[i]) = (0.0, 0.0);
@@ -133,9 +181,9 @@ impl PinchPlan {
                 continue;
             };
             let side = if finger == NUM_FINGERS - 1 { -1.0 } else { 1.0 };
-            let across = Vector::z().cross(&self.direction);
             let target = |distance: f64| {
-                let point = self.center + self.direction * (side * distance) + across * lateral;
+                let center = Vector::from(self.center);
+                let point = center + direction * (side * distance) + across * lateral;
                 (world_from_object * Point3::from(point)).coords
             };
             let path = FingerPath { robot, finger, shapes, contact_distance };
@@ -270,7 +318,7 @@ mod tests {
         for finger in 0..NUM_FINGERS {
             let first = ARM_DOF + FINGER_DOF * finger;
             let mut q = open;
-            for (i, flexion) in (first..).zip([0.1, 0.5, 0.6, 0.4]) {
+            for (i, flexion) in (first..).zip([0.1_f64, 0.5, 0.6, 0.4]) {
                 q[i] = flexion.clamp(tree.limits.lower[i] + 0.1, tree.limits.upper[i] - 0.1);
             }
             let target = tree.forward_kinematics(&q).fingertips()[finger];
@@ -288,29 +336,30 @@ mod tests {
     fn fingertips_keep_their_height_above_the_table_and_meet_the_object() {
         let robot = RobotContext::standard().unwrap();
         let tree = &robot.tree;
-        let object = Object::from_catalog("toothpaste_box").unwrap();
+        let object = Object::from_catalog("hammer").unwrap();
         assert!(object.size().z <= MAX_HEIGHT, "{}", object.size());
         let open = robot::joint_vector(&[0.0; ARM_DOF], &robot.config.robot.open);
         let palm = tree.forward_kinematics(&open).palm_pose();
         let mut rng = ChaCha8Rng::seed_from_u64(0);
         let mut num_closed = 0;
         for _ in 0..200 {
-            let plan = sample(&robot, &object, &mut rng);
-            let world_from_object = palm * plan.object_from_palm.inverse();
+            let plan = PinchPlan::sample(&robot, &object, &mut rng);
+            let world_from_object = palm * plan.object_from_palm(tree).inverse();
             let pose = rotation::to_pose(&world_from_object);
             let shapes: Vec<ConvexShape> = crate::set::grasp::object_shapes(&object, &pose);
             let Some(pinch) = plan.close(&robot, &open, &world_from_object, &shapes, 5e-4) else {
                 continue;
             };
             num_closed += 1;
+            let lateral = plan.lateral_offsets(tree);
             let touch = robot::joint_vector(&[0.0; ARM_DOF], &pinch.closed.hand);
             let [before, after] = [&pinch.pregrasp, &touch].map(|q| {
                 let tips = tree.forward_kinematics(q).fingertips();
                 tips.map(|tip| (world_from_object.inverse() * Point3::from(tip)).coords)
             });
-            for finger in (0..NUM_FINGERS).filter(|finger| plan.lateral[*finger].is_some()) {
+            for finger in (0..NUM_FINGERS).filter(|finger| lateral[*finger].is_some()) {
                 let heights = [before[finger].z, after[finger].z];
-                assert!(heights.iter().all(|z| (z - plan.center.z).abs() < 0.004), "{heights:?}");
+                assert!(heights.iter().all(|z| (z - plan.center[2]).abs() < 0.004), "{heights:?}");
                 let moved = (after[finger] - before[finger]).norm();
                 assert!(moved > 0.6 * f64::from(plan.opening), "{moved} m");
                 let (_, points) = pinch.closed.contacts[finger].unwrap();

@@ -5,7 +5,7 @@
 
 use crate::plan::object_poses::{PlannedGrasp, coverage_poses, reachability};
 use crate::search::candidates::{NearMiss, Rejected, Rejections};
-use crate::search::contact_forces::Squeeze;
+use crate::search::pinch::PinchPlan;
 use crate::search::tester::{GraspTester, Trial};
 use crate::search::{candidates, pinch, robustness};
 use crate::set::clusters::half_turn;
@@ -56,8 +56,20 @@ pub enum Region {
     Everywhere,
     /// Around a palm pose (object frame).
     Around(Isometry),
+    /// Around a pinch.
+    AroundPinch(PinchPlan),
     /// Around the half turn of a palm pose (object frame).
     AroundHalfTurn(Isometry),
+}
+
+impl Region {
+    /// Around a candidate: its pinch, or its palm pose (object frame).
+    pub(crate) fn around(object_from_palm: &Isometry, pinch: &Option<PinchPlan>) -> Self {
+        match pinch {
+            Some(plan) => Self::AroundPinch(plan.clone()),
+            None => Self::Around(*object_from_palm),
+        }
+    }
 }
 
 /// Result of a task.
@@ -120,6 +132,8 @@ fn to_bytes(value: &impl Serialize) -> Vec<u8> {
 pub struct ClosedCandidate {
     /// The grasp.
     pub grasp: Grasp,
+    /// Parameters of a pinch.
+    pub pinch: Option<PinchPlan>,
     /// Force margin of the squeeze (dimensionless).
     pub force_margin: f64,
     /// Whether the grasp is reachable at every 10th coverage pose.
@@ -206,42 +220,46 @@ impl GraspTester<'_> {
         Ok(num_found > 0)
     }
 
-    /// Closes the hand at the palm pose of a candidate.
+    /// Closes the hand at the palm pose of a candidate, or pinches.
     fn close(&self, index: usize, region: &Region) -> Result<ClosedCandidate, Rejected> {
-        let (config, mut rng) = (self.config, self.candidate_rng(index));
-        let mut perturb = |palm: &Isometry| {
-            candidates::perturb_palm(palm, config.palm_shift, config.palm_turn, &mut rng)
+        let (search, mut rng) = (self.config, self.candidate_rng(index));
+        let perturb = |palm: &Isometry, rng: &mut ChaCha8Rng| {
+            candidates::perturb_palm(palm, search.palm_shift, search.palm_turn, rng)
         };
-        let palm = match region {
-            Region::Around(palm) => perturb(palm),
-            Region::AroundHalfTurn(palm) => {
-                perturb(&half_turn(&self.robot.tree.hand, self.object, palm))
+        let mut config = search.candidate.clone();
+        let is_low = self.object.size().z <= pinch::MAX_HEIGHT;
+        if is_low {
+            let [low, high] = MAX_SCALE.map(libm::log);
+            config.squeeze.max_scale = libm::exp(rng.random_range(low..=high));
+        }
+        let plan = match region {
+            Region::AroundPinch(plan) => {
+                Some(plan.perturbed(search.palm_shift, search.palm_turn, &mut rng))
             }
-            Region::Everywhere => candidates::sample_palm(self.object, &config.candidate, &mut rng),
+            Region::Everywhere if is_low && rng.random_bool(PINCH_SHARE) => {
+                Some(PinchPlan::sample(self.robot, self.object, &mut rng))
+            }
+            _ => None,
         };
-        let (grasp, squeeze) = match self.object.size().z <= pinch::MAX_HEIGHT {
-            true => self.close_at_low_object(palm, region, &mut rng)?,
-            false => self.close_at(palm, &config.candidate, &mut rng)?,
+        let (grasp, squeeze) = match (&plan, region) {
+            (Some(plan), _) => candidates::evaluate_pinch(self.robot, &self.target, &config, plan)?,
+            (None, region) => {
+                let palm = match region {
+                    Region::Around(palm) => perturb(palm, &mut rng),
+                    Region::AroundHalfTurn(palm) => {
+                        let hand = &self.robot.tree.hand;
+                        perturb(&half_turn(hand, self.object, palm), &mut rng)
+                    }
+                    Region::Everywhere | Region::AroundPinch(_) => {
+                        candidates::sample_palm(self.object, &config, &mut rng)
+                    }
+                };
+                self.close_at(palm, &config, &mut rng)?
+            }
         };
         let poses: Vec<_> = coverage_poses(self.robot).into_iter().step_by(SPARSE_STEP).collect();
         let sparse_reach = reachability(&self.at_origin, &poses, &grasp);
-        Ok(ClosedCandidate { grasp, force_margin: squeeze.force_margin, sparse_reach })
-    }
-
-    /// Pinches a low object, or closes the hand at a palm pose, with a random limit of the squeeze.
-    fn close_at_low_object(
-        &self,
-        palm: Isometry,
-        region: &Region,
-        rng: &mut ChaCha8Rng,
-    ) -> Result<(Grasp, Squeeze), Rejected> {
-        let mut config = self.config.candidate.clone();
-        let [low, high] = MAX_SCALE.map(libm::log);
-        config.squeeze.max_scale = libm::exp(rng.random_range(low..=high));
-        if matches!(region, Region::Everywhere) && rng.random_bool(PINCH_SHARE) {
-            let plan = pinch::sample(self.robot, self.object, rng);
-            return candidates::evaluate_pinch(self.robot, &self.target, &config, &plan);
-        }
-        self.close_at(palm, &config, rng)
+        let force_margin = squeeze.force_margin;
+        Ok(ClosedCandidate { grasp, pinch: plan, force_margin, sparse_reach })
     }
 }

@@ -1,5 +1,6 @@
 //! A closed candidate of a search, with its trials.
 
+use crate::search::pinch::PinchPlan;
 use crate::search::task::ClosedCandidate;
 use crate::search::tester::Trial;
 use crate::set::clusters::{MAX_SHAKE_SLIP, ScoredGrasp};
@@ -12,6 +13,8 @@ const SUFFICIENT_FORCE_MARGIN: f64 = 2.0;
 #[derive(Clone, Debug)]
 pub(crate) struct TestedCandidate {
     pub(crate) grasp: Grasp,
+    /// Parameters of a pinch.
+    pub(crate) pinch: Option<PinchPlan>,
     force_margin: f64,
     /// Reach at a few coverage poses.
     pub(crate) sparse_reach: Vec<bool>,
@@ -35,9 +38,10 @@ pub(crate) struct TestedCandidate {
 
 impl TestedCandidate {
     pub(crate) fn new(closed: ClosedCandidate, counterpart_of: Option<usize>) -> Self {
-        let ClosedCandidate { grasp, force_margin, sparse_reach } = closed;
+        let ClosedCandidate { grasp, pinch, force_margin, sparse_reach } = closed;
         Self {
             grasp,
+            pinch,
             force_margin,
             sparse_reach,
             counterpart_of,
@@ -76,6 +80,11 @@ impl TestedCandidate {
 
     pub(crate) fn has_lifted(&self) -> bool {
         self.has_lifted == Some(true)
+    }
+
+    /// Number of trials in which the object was held.
+    pub(crate) fn num_lifted(&self) -> usize {
+        usize::from(self.has_lifted()) + self.repeats.iter().filter(|lifts| **lifts).count()
     }
 
     pub(crate) fn num_repeats(&self) -> usize {
