@@ -94,7 +94,7 @@ pub struct Rejected {
     /// Why it is rejected.
     pub reason: Rejection,
     /// How close it was to a grasp; `None` if the hand collides or misses the object.
-    pub near_miss: Option<NearMiss>,
+    pub near_miss: Option<Box<NearMiss>>,
 }
 
 impl From<Rejection> for Rejected {
@@ -293,7 +293,7 @@ fn balance(
         let reason = if unbalance > 1.0 { Rejection::Unbalanced } else { Rejection::TooHeavy };
         let error = unbalance.max(1.0) + overload.max(1.0);
         let near_miss = NearMiss { object_from_palm, pinch: None, error };
-        return Err(Rejected { reason, near_miss: Some(near_miss) });
+        return Err(Rejected { reason, near_miss: Some(Box::new(near_miss)) });
     }
     let grasp = Grasp {
         cluster: 0,

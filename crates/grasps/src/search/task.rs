@@ -181,7 +181,8 @@ impl GraspTester<'_> {
                         }
                     }
                 }
-                let near_miss = near_misses.into_iter().min_by(|a, b| a.error.total_cmp(&b.error));
+                let best = near_misses.into_iter().min_by(|a, b| a.error.total_cmp(&b.error));
+                let near_miss = best.map(|near_miss: Box<NearMiss>| *near_miss);
                 TaskResult::Closed { candidates, rejections, near_miss }
             }
             Task::Try { grasp, yaw, trial } => {

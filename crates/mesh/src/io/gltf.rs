@@ -216,7 +216,7 @@ impl SceneReader<'_> {
             None => None,
         };
         let mut is_mirrored = world_from_mesh.determinant() < 0.0;
-        let mut magnitudes = Vec::with_capacity(points.count);
+        let mut magnitudes = Vec::new();
         for row in 0..points.count {
             let point = DVec3::from_array([0, 1, 2].map(|axis| points.value(row, axis)));
             let mut transform = world_from_mesh;
