@@ -13,6 +13,9 @@ pub struct SearchConfig {
     /// Maximum number of candidates that are tested: first the motion into the grasp, then trials in physics. Half
     /// turns of robust grasps are not counted.
     pub max_tested: usize,
+    /// Factor on the maximum numbers of closed and tested candidates where grasps lift but none is robust. The search
+    /// would end without a grasp.
+    pub extension: usize,
     /// The search stops when this many tested candidates have added no object pose.
     pub max_fruitless: usize,
     /// The search stops at this many robust grasps.
@@ -54,6 +57,7 @@ impl SearchConfig {
             max_candidates: 60_000,
             max_closed: 250,
             max_tested: 100,
+            extension: 3,
             max_fruitless: 16,
             target_robust: 40,
             target_coverage: 0.98,
@@ -90,6 +94,7 @@ impl SearchConfig {
             max_candidates: 12_000,
             max_closed: 48,
             max_tested: 40,
+            extension: 1,
             max_fruitless: 8,
             target_robust: 8,
             target_coverage: 0.9,

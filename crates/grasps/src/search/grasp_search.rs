@@ -106,9 +106,6 @@ const NUM_EVERYWHERE: usize = 4;
 /// Sampling also evolves where grasps lift but none is robust: around this many that lifted most often.
 const MAX_LIFTED_REGIONS: usize = 4;
 
-/// Factor on the maximum numbers of closed and tested candidates of such a search. A hammer needs it.
-const EXTENSION: usize = 3;
-
 /// Share of the completed fraction that the trials before the confirmation get.
 const TRYING_SHARE: f64 = 0.75;
 
@@ -266,7 +263,7 @@ impl GraspSearch {
 
     /// Factor on the limits of the configuration.
     fn extension(&self) -> usize {
-        if self.is_extended { EXTENSION } else { 1 }
+        if self.is_extended { self.pool.config.extension } else { 1 }
     }
 
     /// Extends a search that would end without a robust grasp, once. Returns whether it has.
@@ -565,8 +562,11 @@ mod tests {
         assert!(set.grasps.is_empty() && set.num_robust == 0, "{set:?}");
         assert_eq!(set.num_tried, 30);
         // Repeats are as necessary as the first trial.
-        let (set, _) = run(config, &|_, trial| trial == Trial::Screening);
-        assert_eq!((set.num_lifted, set.num_robust), (EXTENSION * 30, 0), "{set:?}");
+        for extension in [1, 3] {
+            let config = SearchConfig { extension, ..config.clone() };
+            let (set, _) = run(config, &|_, trial| trial == Trial::Screening);
+            assert_eq!((set.num_lifted, set.num_robust), (extension * 30, 0), "{set:?}");
+        }
     }
 
     #[test]
