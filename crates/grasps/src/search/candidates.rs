@@ -108,7 +108,7 @@ impl From<Rejection> for Rejected {
 pub struct NearMiss {
     /// Palm pose in the object's frame.
     pub object_from_palm: Isometry,
-    /// Parameters of a pinch.
+    /// Parameters of the pinch; `None` if the hand was closed at the palm pose.
     pub pinch: Option<PinchPlan>,
     /// Ratio of the wrench residual to its maximum plus the ratio of the minimum force margin to the margin.
     pub error: f64,

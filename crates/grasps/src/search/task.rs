@@ -132,7 +132,7 @@ fn to_bytes(value: &impl Serialize) -> Vec<u8> {
 pub struct ClosedCandidate {
     /// The grasp.
     pub grasp: Grasp,
-    /// Parameters of a pinch.
+    /// Parameters of the pinch; `None` if the hand was closed at the palm pose.
     pub pinch: Option<PinchPlan>,
     /// Force margin of the squeeze (dimensionless).
     pub force_margin: f64,

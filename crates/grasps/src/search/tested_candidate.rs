@@ -13,7 +13,7 @@ const SUFFICIENT_FORCE_MARGIN: f64 = 2.0;
 #[derive(Clone, Debug)]
 pub(crate) struct TestedCandidate {
     pub(crate) grasp: Grasp,
-    /// Parameters of a pinch.
+    /// Parameters of the pinch; `None` if the hand was closed at the palm pose.
     pub(crate) pinch: Option<PinchPlan>,
     force_margin: f64,
     /// Reach at a few coverage poses.

@@ -30,7 +30,8 @@ struct Values<'a> {
     component: ComponentType,
 }
 
-type Buffers<'a> = [Option<Cow<'a, [u8]>>];
+/// Buffers of a file, in the order of the JSON; `None` for a missing file.
+pub(super) type Buffers<'a> = [Option<Cow<'a, [u8]>>];
 
 impl<'a> AccessorView<'a> {
     /// View of an accessor of type `kind`, after checks that all values are within the buffer.

@@ -2,7 +2,7 @@
 //!
 //! The mesh is read in the pose of its nodes; animations are ignored.
 
-use super::accessor::AccessorView;
+use super::accessor::{AccessorView, Buffers};
 use super::gltf::malformed;
 use crate::{Location, MeshError};
 use glamx::DMat4;
@@ -10,14 +10,11 @@ use gltf::json::accessor::Type;
 use gltf::json::mesh::{Primitive, Semantic};
 use gltf::json::validation::Checked;
 use gltf::json::{Accessor, Index, Root, Skin};
-use std::borrow::Cow;
-
-type Buffers<'a> = [Option<Cow<'a, [u8]>>];
 
 /// Number of joints per vertex in one set of attributes.
 const JOINTS_PER_SET: usize = 4;
 
-/// Transforms `world_from_bind` of the joints of a skin, in the bind pose's frame.
+/// Transforms `world_from_bind` of the joints of a skin.
 ///
 /// `world_from_node` has the transform of each node of the scene.
 pub(super) fn joint_transforms(
