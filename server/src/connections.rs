@@ -2,7 +2,7 @@
 //!
 //! | a connection | is closed |
 //! |---|---|
-//! | without a complete request head | [`HEAD_TIMEOUT`] after its start, or after the previous response |
+//! | without a complete request head | [`ConnectionLimits::head_timeout`] after its start, or after the previous response |
 //! | whose client does not read the response | [`WRITE_TIMEOUT`] after the last accepted byte |
 //! | that is idle for the longest time | when a new one exceeds the maximum number |
 //!
@@ -35,8 +35,7 @@ use tokio_io_timeout::TimeoutStream;
 use tower::ServiceExt;
 use tracked_body::TrackedBody;
 
-/// Time in which the head of a request must arrive, measured from the start of the connection or from the end of
-/// the previous response. Proxies must close idle connections earlier.
+/// Default of [`ConnectionLimits::head_timeout`].
 const HEAD_TIMEOUT: Duration = Duration::from_secs(30);
 
 /// Time after which a response ends if the client accepts no byte of it.
@@ -45,14 +44,31 @@ const WRITE_TIMEOUT: Duration = Duration::from_secs(30);
 /// Pause after a connection could not be accepted, e.g. because of too many open files.
 const ACCEPT_RETRY: Duration = Duration::from_millis(50);
 
+/// Limits on the connections of a server.
+#[derive(Clone, Copy, Debug)]
+pub struct ConnectionLimits {
+    /// Maximum number of open connections, at least 2.
+    pub max_connections: usize,
+    /// Time in which the head of a request must arrive, measured from the start of the connection or from the end
+    /// of the previous response. Proxies must close idle connections earlier.
+    pub head_timeout: Duration,
+}
+
+impl ConnectionLimits {
+    /// Limits for up to `max_connections` connections, with 30 s for a request head.
+    pub fn new(max_connections: usize) -> Self {
+        Self { max_connections, head_timeout: HEAD_TIMEOUT }
+    }
+}
+
 /// Serves `router` on a listener until `stopping` becomes true, then until all responses are complete.
 pub async fn serve(
     listener: TcpListener,
     router: Router,
-    max_connections: usize,
+    limits: ConnectionLimits,
     mut stopping: watch::Receiver<bool>,
 ) {
-    let registry = Arc::new(Registry::new(max_connections));
+    let registry = Arc::new(Registry::new(limits.max_connections));
     loop {
         let accepted = tokio::select! {
             accepted = listener.accept() => accepted,
@@ -60,10 +76,11 @@ pub async fn serve(
             _ = stopping.wait_for(|stopping| *stopping) => break,
         };
         match accepted {
-            Ok((stream, address)) => {
+            Ok(accepted) => {
                 if let Some(connection) = registry.admit().await {
                     let (router, stopping) = (router.clone(), stopping.clone());
-                    tokio::spawn(serve_connection(stream, address, router, connection, stopping));
+                    let timeout = limits.head_timeout;
+                    tokio::spawn(serve_connection(accepted, router, connection, timeout, stopping));
                 }
             }
             Err(error) if is_of_client(&error) => {}
@@ -86,10 +103,10 @@ fn is_of_client(error: &io::Error) -> bool {
 
 /// Serves the requests of one connection.
 async fn serve_connection(
-    stream: TcpStream,
-    address: SocketAddr,
+    (stream, address): (TcpStream, SocketAddr),
     router: Router,
     connection: Connection,
+    head_timeout: Duration,
     mut stopping: watch::Receiver<bool>,
 ) {
     // Small responses and events are sent immediately.
@@ -116,7 +133,7 @@ async fn serve_connection(
     });
     let served = http1::Builder::new()
         .timer(TokioTimer::new())
-        .header_read_timeout(HEAD_TIMEOUT)
+        .header_read_timeout(head_timeout)
         .serve_connection(TokioIo::new(Box::pin(stream)), service);
     let mut served = pin!(served);
     let mut is_stopping = false;

@@ -27,7 +27,7 @@ use tower_http::catch_panic::CatchPanicLayer;
 use tower_http::map_request_body::MapRequestBodyLayer;
 use tower_http::timeout::RequestBodyTimeoutLayer;
 
-pub use connections::serve;
+pub use connections::{ConnectionLimits, serve};
 pub use jobs::scheduler;
 pub use problem::{Problem, ProblemCode};
 pub use quotas::Quotas;

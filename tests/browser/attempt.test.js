@@ -109,15 +109,29 @@ test("next attempt keeps the focus", async () => {
   await page.close();
 });
 
-// Records the headlines and the notes of the attempts.
+// Records the headlines and the notes of the attempts, and the note while the policy or the planner acts.
 function recordTexts() {
   globalThis.texts = { headline: [], hash: [] };
+  globalThis.notesOfActor = [];
+  // Null: hidden.
+  const shownText = (id) => {
+    const { hidden = true, textContent } = document.getElementById(id) ?? {};
+    return hidden ? null : textContent;
+  };
   new MutationObserver(() => {
     for (const [id, texts] of Object.entries(globalThis.texts)) {
-      const { hidden = true, textContent } = document.getElementById(id) ?? {};
-      if (!hidden && texts.at(-1) !== textContent) texts.push(textContent);
+      const text = shownText(id);
+      if (text !== null && texts.at(-1) !== text) texts.push(text);
     }
+    if (/^(Policy|Planner): grasping$/.test(shownText("headline"))) globalThis.notesOfActor.push(shownText("hash"));
   }).observe(document, { subtree: true, childList: true, characterData: true, attributes: true });
+}
+
+// Waits until the policy or the planner acts; the note of the recording is hidden then.
+async function untilNoteIsHidden(page) {
+  await page.waitForFunction(() => globalThis.notesOfActor.length > 0);
+  const notes = await page.evaluate(() => globalThis.notesOfActor);
+  assert.deepEqual(notes.filter((note) => note !== null), []);
 }
 
 test("recording plays only until the policy is loaded, which then acts", async () => {
@@ -130,12 +144,14 @@ test("recording plays only until the policy is loaded, which then acts", async (
   await page.goto(served.address);
   await page.waitForFunction(() => document.getElementById("model").textContent.startsWith("Loaded"));
   assert.equal(await page.textContent("#announcement"), "Loaded: default");
+  await untilNoteIsHidden(page);
   await page.selectOption("#speed", "4");
   await page.waitForFunction(() => document.getElementById("hash").textContent.startsWith("Seed 0. Final state:"));
   // The recording ended without an outcome, and its note with it.
   const { hash } = await page.evaluate(() => globalThis.texts);
   assert.match(hash[0], /^Demonstration,.* \(no policy\)$/);
   assert.equal(hash.length, 2, hash.join("\n"));
+  await untilNoteIsHidden(page);
   assert.doesNotMatch(hash[1], /custom pose/);
   assert.match(await page.textContent("#tally"), /^[01] of 1 lifted$/);
 
@@ -152,6 +168,7 @@ test("recording plays only until the policy is loaded, which then acts", async (
   await page.goto(served.address);
   await page.waitForFunction(() => document.getElementById("hash").textContent.startsWith("Demonstration,"));
   await page.click("#grasp");
+  await untilNoteIsHidden(page);
   await page.selectOption("#speed", "4");
   await page.waitForFunction(() => document.getElementById("hash").textContent.startsWith("Seed 0. Final state:"));
   await page.close();

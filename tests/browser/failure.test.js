@@ -119,6 +119,31 @@ test("palm trajectory and contact forces are solid and stay after the outcome", 
   await page.close();
 });
 
+test("palm trajectory stays while the attempt is paused", async () => {
+  const { page, errors } = await visit(served, { pixelRatio: 1 });
+  await untilReady(page);
+  await page.keyboard.press("c");
+  await page.keyboard.press("t");
+  await page.click("#grasp");
+  // Slow enough that the lift is rendered.
+  await page.waitForSelector("[data-phase=policy].is-now");
+  await page.selectOption("#speed", "0.25");
+  await page.waitForSelector("[data-phase=lift].is-now");
+  await page.click("#pause");
+  await page.waitForFunction(() => document.getElementById("rate").textContent === "Paused");
+  const { tick } = await ticks(page);
+  // Each of these requests repeats the frame of the current tick.
+  for (const speed of ["2", "0.25"]) await page.selectOption("#speed", speed);
+  await page.evaluate(() => document.activeElement.blur());
+  const shown = await view(page);
+  await page.keyboard.press("t");
+  const trail = await differentPixels(page, shown, await view(page));
+  assert.equal((await ticks(page)).tick, tick);
+  assert.ok(tick > 30 && trail > 100, `${trail} pixels at tick ${tick}`);
+  assert.deepEqual(errors, []);
+  await page.close();
+});
+
 test("error about a file disappears with the next object, and an invalid seed is refused", async () => {
   const { page } = await visit(served);
   await untilReady(page);

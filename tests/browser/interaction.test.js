@@ -3,6 +3,7 @@
 import assert from "node:assert/strict";
 import { after, before, test } from "node:test";
 import { findObject, open, screenshot, untilReady, visit } from "./chromium.js";
+import { BOX } from "./meshes.js";
 
 let served;
 before(async () => (served = await open()));
@@ -78,10 +79,35 @@ test("attempt with user interaction is not counted", async () => {
   assert.ok(tick > 0 && tick > ticks - 10, `${tick} of ${ticks}`);
   await page.waitForFunction(() => document.getElementById("hash").textContent.startsWith("You moved the object"));
   await page.mouse.up();
-  assert.match(await page.textContent("#headline"), /not counted\.$/);
+  // The fingers may still touch the object.
+  const [contacts] = (await page.textContent("#evidence")).split(/[.(]/);
+  const isInHand = /finger|palm/.test(contacts);
+  const headline = isInHand ? "You moved the object: not counted." : "You pulled the object out of the hand: not counted.";
+  assert.equal(await page.textContent("#headline"), headline, contacts);
   assert.match(await page.textContent("#tally"), /^No attempts/);
   assert.ok(await page.isDisabled("#copy-link"));
   assert.match(await page.textContent("#share-hint"), /your interaction with the object/);
+  assert.deepEqual(errors, []);
+  await page.close();
+});
+
+test("object pulled out of the hand is not reported as slipped", async () => {
+  const { page, errors } = await visit(served);
+  await untilReady(page);
+  // As wide as the sugar box, and so heavy that the hand rises without it.
+  const buffer = Buffer.from(BOX.replaceAll("60", "94").replaceAll("40", "49"));
+  await page.setInputFiles("#file", { name: "heavy.obj", mimeType: "model/obj", buffer });
+  await page.waitForSelector("#objects [value='file:heavy.obj']:checked");
+  await page.fill("#mass", "6000");
+  await page.press("#mass", "Tab");
+  await page.waitForFunction(() => document.getElementById("info-mass").textContent === "6.00 kg");
+  await graspSlowly(page);
+  await phase(page, "lift");
+  await drag(page);
+  await page.waitForFunction(() => document.getElementById("hash").textContent.startsWith("You moved the object"));
+  await page.mouse.up();
+  assert.equal(await page.textContent("#headline"), "You pulled the object out of the hand: not counted.");
+  assert.ok((await page.textContent("#announcement")).startsWith("You pulled the object out of the hand: not counted. Contacts: "));
   assert.deepEqual(errors, []);
   await page.close();
 });

@@ -62,6 +62,18 @@ function glb() {
   return Buffer.concat([head, ...chunks]);
 }
 
+// Comb on a base, in OBJ. The tines and the gaps are half a pitch wide.
+export function comb(tines, pitch) {
+  const base = [0, (tines - 0.5) * pitch, 0, 4];
+  const solids = [base, ...Array.from({ length: tines }, (_, i) => [i * pitch, (i + 0.5) * pitch, 3, 24])];
+  const faces = [[1, 4, 3, 2], [5, 6, 7, 8], [1, 2, 6, 5], [2, 3, 7, 6], [3, 4, 8, 7], [4, 1, 5, 8]];
+  const lines = solids.flatMap(([left, right, bottom, top], solid) => [
+    ...[bottom, top].flatMap((z) => [[left, 0], [right, 0], [right, 8], [left, 8]].map(([x, y]) => `v ${x} ${y} ${z}`)),
+    ...faces.map((corners) => `f ${corners.map((corner) => 8 * solid + corner).join(" ")}`),
+  ]);
+  return lines.join("\n");
+}
+
 // Ribbed bottle with the given number of triangles (a multiple of 400).
 export function bottle(triangles) {
   const [around, along] = [200, triangles / 400];

@@ -51,6 +51,17 @@ const layoutErrors = () => {
       if (!isDisjoint) found.push(`${nameOf(control)} overlaps ${nameOf(controls[j])}`);
     }
   });
+  // Headings keep a margin from the edge of their box. In narrow windows the sheet is the box of the dock.
+  const sheetTop = document.querySelector(".sheet").getBoundingClientRect().top;
+  for (const heading of document.querySelectorAll(".masthead h1, #headline, .phases button, .panel h2")) {
+    if (!heading.checkVisibility({ visibilityProperty: true })) continue;
+    const range = document.createRange();
+    range.selectNodeContents(heading);
+    const [text, box] = [range, heading.closest(".masthead, .dock, .panel")].map((part) => part.getBoundingClientRect());
+    const side = Math.min(text.left - box.left, box.right - text.right);
+    const top = text.top - (heading.closest(".dock") && sheetTop ? sheetTop : box.top);
+    if (side < 8 || top < 4) found.push(`${nameOf(heading)} is ${side} and ${top} pixels from the edge`);
+  }
   // The panel scrolls vertically, so only widths are checked.
   for (const section of document.querySelectorAll(".panel > section")) {
     const bounds = section.getBoundingClientRect();

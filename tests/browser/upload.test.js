@@ -8,7 +8,7 @@ import { after, before, test } from "node:test";
 import { setTimeout } from "node:timers/promises";
 import { deflateRawSync } from "node:zlib";
 import { newPage, open, TIMEOUT_MS, screenshot, untilReady, visit } from "./chromium.js";
-import { BOX, bottle, gltf, otherFormats } from "./meshes.js";
+import { BOX, bottle, comb, gltf, otherFormats } from "./meshes.js";
 
 let served;
 before(async () => (served = await open()));
@@ -76,6 +76,26 @@ test("mass and orientation can be changed", async () => {
   await page.selectOption("#orientation", "0");
   await page.waitForFunction(() => document.getElementById("info-size").textContent.endsWith("× 4.0 cm"));
   assert.equal(await page.textContent("#info-mass"), "250 g", "the mass is kept");
+  await page.close();
+});
+
+test("hollows that the convex parts fill are noted", async () => {
+  const { page, errors } = await visit(served);
+  await untilReady(page);
+  const note = "#info-notes li:has-text('of the hollows')";
+  await page.setInputFiles("#file", file("comb.obj", comb(41, 4)));
+  const text = await page.textContent(note);
+  assert.match(text, /^The convex parts fill \d+ % of the hollows, where the fingers cannot enter\.$/);
+  // 24 parts leave up to 23 of the 40 gaps free.
+  const percent = Number(text.match(/\d+/)[0]);
+  assert.ok(percent >= 35 && percent <= 100, text);
+  await screenshot(page, "upload-hollows");
+  // Three parts leave the gap of a bracket free.
+  await page.setInputFiles("#file", file("bracket.obj", comb(2, 60)));
+  await page.waitForSelector("#objects [value='file:bracket.obj']:checked");
+  await page.waitForSelector(note, { state: "detached" });
+  assert.match(await page.textContent("#info-mesh"), / [2-9] convex parts$/);
+  assert.deepEqual(errors, []);
   await page.close();
 });
 

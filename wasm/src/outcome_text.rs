@@ -24,3 +24,51 @@ pub(crate) fn explanation(
     let evidence = attempt.evidence().filter(|_| !outcome.is_lifted())?;
     Some(evidence.explain(protocol))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use geometry::Vec3;
+    use objects::object::Object;
+    use rollout::{Controller, Phase, RolloutContext};
+    use wasm_bindgen_test::wasm_bindgen_test as test;
+
+    /// Headline of the planner's attempt with an object of the shape of the sugar box.
+    ///
+    /// `pull`: from the start of this phase on, the user pulls the object to this offset (m) from its position.
+    fn headline_of(object: &Object, pull: Option<(Phase, Vec3)>) -> &'static str {
+        let context = RolloutContext::new().unwrap();
+        let controller = Controller::Planner;
+        let mut attempt = Attempt::new(&context, object, "sugar_box", None, 0, controller).unwrap();
+        if let Some((phase, offset)) = pull {
+            while attempt.phase() != phase {
+                assert_eq!(attempt.outcome(), None, "before {phase:?}");
+                attempt.step(&context);
+            }
+            let target = attempt.scene().object_pose().translation + offset;
+            attempt.drag(Some((Vec3::ZERO, target)));
+        }
+        let outcome = attempt.run(&context);
+        headline(&attempt, outcome)
+    }
+
+    #[test]
+    fn object_pulled_out_of_the_hand_has_not_slipped() {
+        // The hand grips it, but rises without it.
+        let mut heavy = Object::from_catalog("sugar_box").unwrap();
+        heavy.mass = 30.0;
+        let undisturbed = headline_of(&heavy, None);
+        assert!(undisturbed.starts_with("Slipped"), "{undisturbed}");
+        let down = Vec3::new(0.0, 0.0, -0.5);
+        let pulled = headline_of(&heavy, Some((Phase::Lift, down)));
+        assert_eq!(pulled, "You pulled the object out of the hand: not counted.");
+    }
+
+    #[test]
+    fn object_that_stays_in_the_hand_was_only_moved() {
+        let object = Object::from_catalog("sugar_box").unwrap();
+        assert_eq!(headline_of(&object, None), "Lifted and held.");
+        let moved = headline_of(&object, Some((Phase::Hold, Vec3::ZERO)));
+        assert_eq!(moved, "Lifted and held, but you moved the object: not counted.");
+    }
+}

@@ -140,8 +140,30 @@ fn fork() -> Shape {
     Shape { triangles, opening: Box::new(opening) }
 }
 
-/// Fraction of the opening inside the convex parts of the shape, and their number.
-fn filled(shape: &Shape, rotation: DQuat, is_open: bool) -> (f64, usize) {
+/// Comb with more gaps than convex parts: 41 tines and 40 gaps of 2 mm. It has no other empty space.
+fn comb() -> Shape {
+    let mut triangles = cuboid([-81.0, -4.0, 0.0], [81.0, 4.0, 4.0]);
+    for i in 0..41 {
+        let x = -81.0 + 4.0 * f64::from(i);
+        triangles.extend(cuboid([x, -4.0, 3.0], [x + 2.0, 4.0, 24.0]));
+    }
+    let opening = |rng: &mut ChaCha8Rng| {
+        let x = -79.0 + 4.0 * f64::from(rng.random_range(0..40)) + rng.random_range(0.0..2.0);
+        DVec3::new(x, rng.random_range(-4.0..4.0), rng.random_range(4.0..24.0))
+    };
+    Shape { triangles, opening: Box::new(opening) }
+}
+
+/// Convex parts of a shape, and the space that they fill.
+struct Filled {
+    num_parts: usize,
+    /// Fraction of the opening, from samples.
+    opening: f64,
+    /// Fraction of all empty space in the hull, as reported.
+    reported: f64,
+}
+
+fn filled(shape: &Shape, rotation: DQuat, is_open: bool) -> Filled {
     let place = |p: [f64; 3]| (rotation * DVec3::from_array(p)).to_array();
     let mut triangles: Vec<Triangle> = shape.triangles.iter().map(|t| t.map(place)).collect();
     if is_open {
@@ -169,20 +191,24 @@ fn filled(shape: &Shape, rotation: DQuat, is_open: bool) -> (f64, usize) {
         let point = rotation * (shape.opening)(&mut rng);
         is_inside((point * 0.001).as_vec3())
     });
-    let fraction = inside.count() as f64 / f64::from(count);
+    let opening = inside.count() as f64 / f64::from(count);
+    let (num_parts, reported) = (parts.hulls.len(), parts.filled_fraction);
     println!(
-        "{:.1} % of the opening, {:.1} % of all empty space, {} parts",
-        100.0 * fraction,
-        100.0 * parts.filled_fraction,
-        parts.hulls.len()
+        "{:.1} % of the opening, {:.1} % of all empty space, {num_parts} parts",
+        100.0 * opening,
+        100.0 * reported
     );
-    (fraction, parts.hulls.len())
+    Filled { num_parts, opening, reported }
 }
 
 fn random_rotation(rng: &mut impl Rng) -> DQuat {
     let mut draw = || rng.random_range(-1.0..1.0);
     DQuat::from_xyzw(draw(), draw(), draw(), draw()).normalize()
 }
+
+/// Fraction of all empty space that may be filled, if the limit of the opening is lower. Convex parts of a round wall
+/// fill a layer along it, which is not in the opening.
+const MAX_REPORTED: f64 = 0.1;
 
 /// Checks a shape turned about z by 0, 20 and 45 degrees, closed and with a triangle missing, and in random
 /// orientations.
@@ -194,8 +220,10 @@ fn check(shape: &Shape, max_filled: f64, max_filled_in_random_orientation: f64) 
     cases.extend(about_z.map(|rotation| (rotation, true, max_filled)));
     cases.extend(random.map(|rotation| (rotation, false, max_filled_in_random_orientation)));
     for (rotation, is_open, max_filled) in cases {
-        let (fraction, num_parts) = filled(shape, rotation, is_open);
-        assert!(fraction <= max_filled, "{fraction} filled at {rotation}");
+        let Filled { num_parts, opening, reported } = filled(shape, rotation, is_open);
+        assert!(opening <= max_filled, "{opening} filled at {rotation}");
+        let max_reported = max_filled.max(MAX_REPORTED);
+        assert!((0.0..=max_reported).contains(&reported), "{reported} reported at {rotation}");
         assert!(num_parts <= 24, "{num_parts} parts");
     }
 }
@@ -218,4 +246,13 @@ fn rings_of_scissors_stay_open() {
 #[test]
 fn gaps_of_a_fork_stay_open() {
     check(&fork(), 0.2, 0.2);
+}
+
+#[test]
+fn report_states_the_filled_share_of_more_gaps_than_parts() {
+    let Filled { num_parts, opening, reported } = filled(&comb(), DQuat::IDENTITY, false);
+    assert!(num_parts <= 24, "{num_parts} parts");
+    // 24 parts leave up to 23 of the 40 gaps free.
+    assert!(opening > 0.35, "{opening} filled");
+    assert!((reported - opening).abs() < 0.1, "wanted {opening}, got {reported}");
 }

@@ -4,7 +4,7 @@ use crate::{open_files, token, worker};
 use anyhow::Context;
 use axum::http::HeaderValue;
 use server::scheduler::{JobScheduler, SchedulerConfig};
-use server::{AppState, Quotas};
+use server::{AppState, ConnectionLimits, Quotas};
 use std::io::{IsTerminal, Write};
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::num::NonZeroU32;
@@ -144,8 +144,8 @@ async fn serve(options: &Options) -> anyhow::Result<()> {
         stop_signal().await;
         stopping.send_replace(true);
     });
-    let max_connections = open_files::raise_limit();
-    let http_server = server::serve(listener, server::app(state), max_connections, stopped.clone());
+    let limits = ConnectionLimits::new(open_files::raise_limit());
+    let http_server = server::serve(listener, server::app(state), limits, stopped.clone());
     let mut shutdown_signal = stopped.clone();
     let served = async move {
         let grace_expired = async {

@@ -1,15 +1,21 @@
 //! A full disk: a small memory file system, where the tests may mount one.
 
+use crate::connections::{listen, open};
 use crate::{assert_problem, create_job, json_of, send, test_state};
 use axum::Router;
 use axum::body::Body;
 use axum::http::{Request, StatusCode};
 use axum::response::Response;
-use server::{Quotas, app};
+use server::{ConnectionLimits, Quotas, app};
 use std::io::Write;
+use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::time::{Duration, Instant};
 use tempfile::TempDir;
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::net::TcpStream;
+use tokio::sync::watch;
 use tower::ServiceExt;
 
 /// A mounted file system of 24 MB.
@@ -112,6 +118,58 @@ async fn upload_without_space_is_rejected_and_leaves_no_file() {
     assert_problem(send(&app, "POST", "/meshes", mesh).await, 507, "disk_full").await;
     assert_eq!(std::fs::read_dir(disk.path().join("data/uploads")).unwrap().count(), 0);
     std::fs::remove_file(filler).unwrap();
+}
+
+/// Response with which the server requests the body.
+const CONTINUE: &str = "HTTP/1.1 100 Continue\r\n\r\n";
+
+/// Sends the head of an upload of `length` bytes and, if the server requests the body, its first line; returns
+/// the connection and the response to the head.
+async fn send_half(address: SocketAddr, length: u64) -> (TcpStream, String) {
+    let head = format!(
+        "POST /api/v1/meshes HTTP/1.1\r\nHost: localhost\r\nContent-Length: {length}\r\n\
+         Expect: 100-continue\r\nConnection: close\r\n\r\n"
+    );
+    let mut stream = open(address, &head).await;
+    let (mut response, mut part) = (String::new(), [0; 4096]);
+    while response != CONTINUE {
+        let read = tokio::time::timeout(Duration::from_secs(5), stream.read(&mut part)).await;
+        // Any other response ends with the connection.
+        let Ok(count @ 1..) = read.unwrap() else { return (stream, response) };
+        response += &String::from_utf8_lossy(&part[..count]);
+    }
+    stream.write_all(b"v 0 0 0\n").await.unwrap();
+    (stream, response)
+}
+
+#[tokio::test]
+async fn second_half_sent_upload_is_rejected_if_the_disk_has_space_for_one() {
+    // The other tests do not change the free space of this folder.
+    let memory = Path::new("/dev/shm");
+    let folder = if memory.is_dir() { tempfile::tempdir_in(memory) } else { tempfile::tempdir() };
+    let folder = folder.unwrap();
+    let state = test_state(folder.path()).await;
+    let data = folder.path().join("data");
+    let free = fs4::statvfs(&data).unwrap().available_space();
+    // An upload reserves twice its length: there is space for one and a half.
+    let length = (free / 5).min(50_000_000);
+    let quotas = Quotas { min_free_bytes: free - 3 * length, ..Quotas::default() };
+    let (_stop, stopping) = watch::channel(false);
+    let router = app(state.with_quotas(quotas));
+    let (address, _) = listen(router, ConnectionLimits::new(20), stopping).await;
+    let (first, response) = send_half(address, length).await;
+    assert_eq!(response, CONTINUE);
+    let (_, response) = send_half(address, length).await;
+    assert!(response.starts_with("HTTP/1.1 507") && response.contains("disk_full"), "{response}");
+    // An interrupted upload releases its space.
+    drop(first);
+    let start = Instant::now();
+    while std::fs::read_dir(data.join("uploads")).unwrap().count() > 0 {
+        assert!(start.elapsed() < Duration::from_secs(5), "the upload still has its file");
+        tokio::task::yield_now().await;
+    }
+    let (_third, response) = send_half(address, length).await;
+    assert_eq!(response, CONTINUE);
 }
 
 #[tokio::test]

@@ -8,6 +8,7 @@ mod dependencies;
 mod documents;
 mod notice;
 mod prose;
+mod systemd_unit;
 
 use std::path::{Path, PathBuf};
 

@@ -92,13 +92,14 @@ const SHEET_THICKNESS: f32 = 0.004;
 /// assert!(mesh::decompose(&bars).hulls.len() >= 2);
 /// ```
 pub fn decompose(mesh: &Mesh) -> ConvexDecomposition {
-    if !is_convex(mesh)
-        && let Some(decomposition) = decompose_by_planes(mesh, MAX_PARTS)
-    {
+    let is_convex = is_convex(mesh);
+    if !is_convex && let Some(decomposition) = decompose_by_planes(mesh, MAX_PARTS) {
         return decomposition;
     }
     let hulls = vec![hull_vertices(&mesh.vertices)];
-    ConvexDecomposition { hulls, method: Method::Hull, filled_fraction: 0.0 }
+    // The hull of a concave mesh fills all of its empty space.
+    let filled_fraction = if is_convex { 0.0 } else { 1.0 };
+    ConvexDecomposition { hulls, method: Method::Hull, filled_fraction }
 }
 
 fn is_convex(mesh: &Mesh) -> bool {
@@ -208,23 +209,22 @@ mod tests {
     fn box_is_one_part_with_eight_vertices() {
         let parts = decompose(&test_meshes::cube());
         assert_eq!((parts.method, parts.hulls.len()), (Method::Hull, 1));
-        assert_eq!(parts.hulls[0].len(), 8);
+        assert_eq!((parts.hulls[0].len(), parts.filled_fraction), (8, 0.0));
         assert_eq!(decompose_parts(&test_meshes::cube(), 8), parts.hulls);
     }
 
-    #[test]
-    fn table_keeps_its_legs_and_the_space_between_them() {
+    /// Table of 10 x 10 x 12 cm with four legs.
+    fn table() -> Mesh {
         let leg = |x: f32, y: f32| {
             test_meshes::cuboid(Vec3::new(x, y, 0.0), Vec3::new(x + 0.02, y + 0.02, 0.1))
         };
         let top = test_meshes::cuboid(Vec3::new(0.0, 0.0, 0.1), Vec3::new(0.1, 0.1, 0.12));
-        let table = test_meshes::union(&[
-            leg(0.0, 0.0),
-            leg(0.08, 0.0),
-            leg(0.0, 0.08),
-            leg(0.08, 0.08),
-            top,
-        ]);
+        test_meshes::union(&[leg(0.0, 0.0), leg(0.08, 0.0), leg(0.0, 0.08), leg(0.08, 0.08), top])
+    }
+
+    #[test]
+    fn table_keeps_its_legs_and_the_space_between_them() {
+        let table = table();
         let hulls = decompose_parts(&table, 16);
         check(&hulls);
         assert!((5..=8).contains(&hulls.len()), "{} parts", hulls.len());
@@ -232,6 +232,14 @@ mod tests {
         assert!((got / wanted - 1.0).abs() < 0.1, "wanted {wanted}, got {got}");
         let few = decompose_parts(&table, 3);
         assert!(few.len() <= 3, "{} parts", few.len());
+    }
+
+    #[test]
+    fn filled_fraction_falls_from_all_to_nearly_none_with_more_parts() {
+        let filled = |max_parts| decompose_by_planes(&table(), max_parts).unwrap().filled_fraction;
+        let (one, many) = (filled(1), filled(16));
+        assert!((0.85..=1.0).contains(&one), "one part fills {one} of the space under the table");
+        assert!((0.0..0.1).contains(&many), "16 parts fill {many} of the space under the table");
     }
 
     #[test]

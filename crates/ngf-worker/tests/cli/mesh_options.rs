@@ -1,4 +1,4 @@
-//! Size, unit, up axis and containers of a mesh file on the command line.
+//! Size, unit, up axis, containers and convex parts of a mesh file on the command line.
 
 use serde_json::Value;
 use std::io::Write;
@@ -26,6 +26,29 @@ fn gltf() -> (&'static str, Vec<u8>) {
     let mut buffer: Vec<u8> = corners.iter().flatten().flat_map(|x| x.to_le_bytes()).collect();
     buffer.extend([0, 2, 1, 0, 1, 3, 0, 3, 2, 1, 2, 3]);
     (json, buffer)
+}
+
+/// OBJ of a comb on a base. The tines and the gaps are half a pitch (mm) wide.
+fn comb(tines: u32, pitch: f64) -> String {
+    let base = [0.0, (f64::from(tines) - 0.5) * pitch, 0.0, 4.0];
+    let tine = |i: u32| [f64::from(i) * pitch, (f64::from(i) + 0.5) * pitch, 3.0, 24.0];
+    let mut text = String::new();
+    for (first, [left, right, bottom, top]) in
+        (1..).step_by(8).zip(std::iter::once(base).chain((0..tines).map(tine)))
+    {
+        for z in [bottom, top] {
+            for [x, y] in [[left, 0.0], [right, 0.0], [right, 8.0], [left, 8.0]] {
+                text += &format!("v {x} {y} {z}\n");
+            }
+        }
+        for face in
+            [[0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]]
+        {
+            let [a, b, c, d] = face.map(|i: u32| first + i);
+            text += &format!("f {a} {b} {c} {d}\n");
+        }
+    }
+    text
 }
 
 fn inspect(path: &Path, options: &[&str]) -> Output {
@@ -87,4 +110,33 @@ fn gltf_with_its_buffer_is_read_from_a_file_a_folder_and_an_archive() {
     for path in [&scene, folder.path(), archive.path()] {
         assert_eq!(extents(path, &[]), [6.0, 4.0, 12.0], "{}", path.display());
     }
+}
+
+#[test]
+fn report_states_the_share_of_the_hollows_that_the_parts_fill() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("comb.obj");
+    let filled = |mesh: String| {
+        std::fs::write(&file, mesh).unwrap();
+        let output = inspect(&file, &["--unit", "mm"]);
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let report: Value = serde_json::from_slice(&output.stdout).unwrap();
+        let parts = &report["convex_parts"];
+        assert_eq!(parts["method"], "planes", "{report}");
+        parts["filled_fraction"].as_f64().unwrap()
+    };
+    // Three parts leave the gap of a bracket free.
+    let bracket = filled(comb(2, 60.0));
+    assert!((0.0..0.05).contains(&bracket), "{bracket}");
+    // 24 parts leave up to 23 of the 40 gaps free.
+    let many_gaps = filled(comb(41, 4.0));
+    assert!((0.35..=1.0).contains(&many_gaps), "{many_gaps}");
+    let shown = Command::new(env!("CARGO_BIN_EXE_ngf-worker"))
+        .args(["mesh", "inspect", "--unit", "mm"])
+        .arg(&file)
+        .output()
+        .unwrap();
+    let shown = String::from_utf8(shown.stdout).unwrap();
+    let share = format!("convex parts, which fill {:.1} % of the hollows", 100.0 * many_gaps);
+    assert!(shown.contains(&share), "wanted {share}, got {shown}");
 }

@@ -1,6 +1,7 @@
 //! Idle and slow connections with a low limit of open files.
 
 use crate::server::Server;
+use crate::stress::resident;
 use std::io::{Read, Write};
 use std::net::TcpStream;
 use std::path::Path;
@@ -87,15 +88,14 @@ fn slow_connections_are_closed_within_a_minute() {
     assert!(start.elapsed() < Duration::from_secs(60), "{:?}", start.elapsed());
 }
 
-#[test]
-#[ignore = "seconds: cargo xtask stress"]
-fn nine_thousand_streams_are_open_at_once() {
-    const STREAMS: usize = 9000;
-    if !raise_own_limit(20_000) {
-        return;
-    }
-    let folder = tempfile::tempdir().unwrap();
-    let server = start(20_000, &folder.path().join("data"));
+/// Number of event streams in the tests of many streams.
+const STREAMS: usize = 9000;
+
+/// Limit of open files that permits [`STREAMS`].
+const STREAMS_OPEN_FILES: usize = 20_000;
+
+/// Opens [`STREAMS`] event streams and reads the start of their responses.
+fn open_streams(server: &Server) -> Vec<TcpStream> {
     let address = server.url.strip_prefix("http://").unwrap();
     let open = |_| {
         let mut stream = TcpStream::connect(address).unwrap();
@@ -109,6 +109,53 @@ fn nine_thousand_streams_are_open_at_once() {
         stream.read_exact(&mut head).unwrap();
         assert_eq!(&head, b"HTTP/1.1 200");
     }
+    streams
+}
+
+#[test]
+#[ignore = "seconds: cargo xtask stress"]
+fn memory_is_returned_after_nine_thousand_streams() {
+    if !raise_own_limit(STREAMS_OPEN_FILES as u64) {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let server = start(STREAMS_OPEN_FILES, &folder.path().join("data"));
+    let before = resident(server.pid());
+    let streams = open_streams(&server);
+    let during = resident(server.pid());
+    drop(streams);
+    let start = Instant::now();
+    let metrics = || {
+        let mut response = ureq::get(format!("{}/metrics", server.url)).call().unwrap();
+        response.body_mut().read_to_string().unwrap()
+    };
+    // The allocator returns memory with a delay, while the server answers requests.
+    let after = loop {
+        let is_idle = metrics().lines().any(|line| line == "ngf_sse_clients 0");
+        let after = resident(server.pid());
+        if is_idle && after < before + 100_000_000 {
+            break after;
+        }
+        assert!(start.elapsed() < Duration::from_secs(30), "{before} {during} {after}");
+        std::thread::sleep(Duration::from_millis(100));
+    };
+    println!(
+        "memory: {} MB, with {STREAMS} streams {} MB, after them {} MB",
+        before >> 20,
+        during >> 20,
+        after >> 20
+    );
+}
+
+#[test]
+#[ignore = "seconds: cargo xtask stress"]
+fn nine_thousand_streams_are_open_at_once() {
+    if !raise_own_limit(STREAMS_OPEN_FILES as u64) {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let server = start(STREAMS_OPEN_FILES, &folder.path().join("data"));
+    let mut streams = open_streams(&server);
     server.get_path("/healthz");
     let id = server.create_job("dataset.generate", serde_json::json!({ "preset": "smoke" }));
     for stream in &mut streams {

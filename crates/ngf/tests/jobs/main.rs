@@ -10,6 +10,8 @@ mod datasets;
 #[cfg(unix)]
 mod full_disk;
 mod openapi_conformance;
+#[cfg(unix)]
+mod permissions;
 mod server;
 mod stress;
 
