@@ -13,7 +13,7 @@ use objects::catalog::{CATALOG, CatalogEntry};
 /// 17: objects are also placed nearer and farther than in an attempt. 18: this is reverted. 19: new names of
 /// fields and columns. 20: environment state, quantiles, dataset card. 21: all replays simulate arm and hand.
 /// 22: hands of transferred and searched grasps close above the table. 23: searches pinch low objects.
-pub const VERSION: u32 = 23;
+pub const VERSION: u32 = 24;
 
 /// Requested contents of a dataset. Together with the program version, it determines the bytes of the
 /// dataset.

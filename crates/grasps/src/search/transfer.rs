@@ -78,12 +78,13 @@ struct TransferSearch<'a> {
 impl TransferSearch<'_> {
     /// Searches for a grasp near the palm pose `palm`, with the pregrasp posture and the cluster of `grasp`.
     fn find_near(&mut self, palm: &Isometry, grasp: &Grasp) -> Result<Option<Grasp>, SceneError> {
-        let GraspTester { robot, object, config, .. } = self.tester;
+        let config = self.tester.config;
         let enough = if self.is_curated { 2 * ENOUGH_ROBUST } else { ENOUGH_ROBUST };
         let proposal = CandidateConfig { pregrasp: grasp.pregrasp, ..config.candidate.clone() };
         let mut found: Vec<ScoredGrasp> = Vec::new();
+        let (mut num_found, mut best) = (0, None);
         for index in 0..MAX_TRIES {
-            if found.len() == enough {
+            if num_found == enough {
                 break;
             }
             let perturbation = (config.palm_shift, config.palm_turn);
@@ -93,35 +94,57 @@ impl TransferSearch<'_> {
             let Ok((closed, _)) = self.tester.close_at(pose, &proposal, &mut rng) else {
                 continue;
             };
-            self.counts.num_closed += 1;
-            let tried = self.tester.score_grasps(&[closed])?;
-            self.counts.num_tried += tried.len();
-            let scored = tried.into_iter().flatten();
-            let min = config.min_repeat_successes;
-            self.counts.num_lifted += scored.clone().count();
-            found.extend(scored.filter(|found| found.repeat_successes >= min));
-        }
-        self.counts.num_robust += found.len();
-        let far =
-            |scored: &ScoredGrasp| k_medoids::palm_distance(palm, &scored.grasp.object_from_palm);
-        found.sort_by(|a, b| far(a).total_cmp(&far(b)));
-        let mut best: Option<(f64, Grasp)> = None;
-        for ScoredGrasp { grasp: near, .. } in found {
-            if !robustness::is_approachable(robot, object, &near)? {
+            let Some(scored) = self.try_robust(closed)? else { continue };
+            num_found += 1;
+            if index > 0 {
+                found.push(scored);
                 continue;
             }
-            let rate =
-                if self.is_curated { robustness::success_rate(robot, object, &near)? } else { 1.0 };
-            if rate >= robustness::MIN_RATE
-                && best.as_ref().is_none_or(|(best_rate, _)| rate > *best_rate)
-            {
-                best = Some((rate, Grasp { cluster: grasp.cluster, ..near }));
-            }
-            if rate >= robustness::GOOD_RATE {
+            // No other palm pose is closer to the transferred one.
+            best = self.rate(scored.grasp)?;
+            if best.as_ref().is_some_and(|(rate, _)| *rate >= robustness::GOOD_RATE) {
                 break;
             }
         }
-        Ok(best.map(|(_, grasp)| grasp))
+        let far =
+            |scored: &ScoredGrasp| k_medoids::palm_distance(palm, &scored.grasp.object_from_palm);
+        found.sort_by(|a, b| far(a).total_cmp(&far(b)));
+        for ScoredGrasp { grasp: near, .. } in found {
+            if best.as_ref().is_some_and(|(rate, _)| *rate >= robustness::GOOD_RATE) {
+                break;
+            }
+            if let Some((rate, near)) = self.rate(near)?
+                && best.as_ref().is_none_or(|(best_rate, _)| rate > *best_rate)
+            {
+                best = Some((rate, near));
+            }
+        }
+        Ok(best.map(|(_, near)| Grasp { cluster: grasp.cluster, ..near }))
+    }
+
+    /// Tries a closed grasp; `None` if it is not robust.
+    fn try_robust(&mut self, closed: Grasp) -> Result<Option<ScoredGrasp>, SceneError> {
+        self.counts.num_closed += 1;
+        let tried = self.tester.score_grasps(&[closed])?;
+        self.counts.num_tried += tried.len();
+        let scored = tried.into_iter().flatten().next();
+        self.counts.num_lifted += usize::from(scored.is_some());
+        let min = self.tester.config.min_repeat_successes;
+        let robust = scored.filter(|scored| scored.repeat_successes >= min);
+        self.counts.num_robust += usize::from(robust.is_some());
+        Ok(robust)
+    }
+
+    /// Success rate of a robust grasp under hand pose error, 1 where it is not required; `None` if it is not
+    /// usable.
+    fn rate(&self, grasp: Grasp) -> Result<Option<(f64, Grasp)>, SceneError> {
+        let GraspTester { robot, object, .. } = self.tester;
+        if !robustness::is_approachable(robot, object, &grasp)? {
+            return Ok(None);
+        }
+        let rate =
+            if self.is_curated { robustness::success_rate(robot, object, &grasp)? } else { 1.0 };
+        Ok((rate >= robustness::MIN_RATE).then_some((rate, grasp)))
     }
 }
 
