@@ -17,6 +17,7 @@ use policy::PolicyConfig;
 /// assert!(0.5 * gains.position * dt < gains.velocity && gains.velocity < 2.0 / dt);
 /// ```
 #[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct DaggerConfig {
     /// Number of optimiser steps.
     pub steps: u64,
@@ -50,6 +51,9 @@ pub struct DaggerConfig {
     /// Bounds of the uniform noise on sampled states: arm position (rad), hand position (rad), velocity
     /// (rad/s).
     pub noise: [f64; 3],
+    /// Bound of the uniform noise on each value of the observation (z has unit variance), drawn for every
+    /// state of every step.
+    pub observation_noise: f64,
     /// Weight (rad/m) of the fingertip term in the loss.
     pub fingertip_weight: f64,
     /// Weight of the mean square of the metric networks' outputs, the entries of U.
@@ -91,6 +95,7 @@ impl DaggerConfig {
             horizon: 90,
             horizon_ramp: [0.3, 0.6],
             noise: [0.12, 0.1, 0.3],
+            observation_noise: 0.0,
             fingertip_weight: 3.0,
             metric_weight: 10.0,
             start_fraction: 0.25,
@@ -132,6 +137,7 @@ impl DaggerConfig {
 
 /// PD gains of the expert.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Gains {
     /// k_p (1/s²).
     pub position: f64,

@@ -3,6 +3,7 @@
 mod encoder;
 mod log;
 mod policy;
+mod settings;
 mod start_net;
 mod validation;
 

@@ -13,7 +13,8 @@ use crate::train::expert;
 use crate::train::loss::joint_and_fingertip_error;
 use anyhow::{Result, bail};
 use configs::DaggerConfig;
-use rand::SeedableRng;
+use policy::Observation;
+use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use robot::{JointState, JointVector, KinematicTree, integrator};
 use scene::config::CONTROL_DT;
@@ -81,7 +82,8 @@ pub fn train(
         let rollouts: &mut [RolloutState] = &mut batches[index];
         let is_early = (adam.steps as f64) < config.potential_only_fraction * config.steps as f64;
         let active = if is_early { TrainableSet::Potential } else { TrainableSet::All };
-        let result = learner.differentiate(&params, active, rollouts)?;
+        let observations = learner.observations(rollouts, adam.steps);
+        let result = learner.differentiate(&params, active, rollouts, &observations)?;
         let rate = learning_rate_at(config, adam.steps);
         let norm =
             adam.step(&params, &result.gradients, rate, config.grad_clip_norm, config.threads)?;
@@ -136,22 +138,37 @@ struct PolicyLearner<'a> {
 }
 
 impl PolicyLearner<'_> {
+    /// Observation of the object for each state of a batch, with the noise of step `step`.
+    fn observations(&self, rollouts: &[RolloutState], step: u64) -> Vec<Vec<f32>> {
+        let bound = self.config.observation_noise as f32;
+        let mut rng = ChaCha8Rng::seed_from_u64(self.config.seed);
+        rng.set_stream(step + 1);
+        let mut noisy = |x: f32| if bound > 0.0 { x + rng.random_range(-bound..=bound) } else { x };
+        let observation = |rollout: &RolloutState| {
+            self.encoding(rollout).latent.iter().map(|x| noisy(*x)).collect()
+        };
+        rollouts.iter().map(observation).collect()
+    }
+
+    /// Encoding of the object that a state belongs to.
+    fn encoding(&self, rollout: &RolloutState) -> &Observation {
+        &self.groups[rollout.group].encodings[rollout.encoding]
+    }
+
     /// Eq. 2: imitation loss between policy and expert on a batch of states, with its gradient.
     fn differentiate(
         &self,
         params: &Params,
         active: TrainableSet,
         rollouts: &[RolloutState],
+        observations: &[Vec<f32>],
     ) -> Result<StepResult> {
         let Self { tree, network, groups, config } = self;
-        let observation =
-            |rollout: &RolloutState| &groups[rollout.group].encodings[rollout.encoding];
         let states: Vec<JointState> = rollouts
             .iter()
-            .map(|rollout| observation(rollout).state_to_canonical(&rollout.state))
+            .map(|rollout| self.encoding(rollout).state_to_canonical(&rollout.state))
             .collect();
-        let observations: Vec<&[f32]> =
-            rollouts.iter().map(|rollout| observation(rollout).latent.as_slice()).collect();
+        let observations: Vec<&[f32]> = observations.iter().map(Vec::as_slice).collect();
         let batch = Batch { states: &states, observations: &observations };
         let lag = config.gains.lag_rows(CONTROL_DT).max(1);
         let loss = |rows: Range<usize>, response: &NetworkOutput| {
@@ -258,6 +275,31 @@ mod tests {
     }
 
     #[test]
+    fn observation_noise_depends_on_seed_and_step_only() {
+        let tree = KinematicTree::iiwa7_allegro().unwrap();
+        let groups = [demo_group(0, 0.0), demo_group(1, 0.7)];
+        let state = groups[0].demonstrations.state(0);
+        let rollouts =
+            [0, 1].map(|group| RolloutState { group, encoding: 0, state, steps_left: 1 });
+        let observations = |observation_noise, seed, step| {
+            let config = DaggerConfig { observation_noise, seed, ..tiny() };
+            let network = Network::new(&config.policy, &tree.limits).unwrap();
+            let learner = PolicyLearner { tree: &tree, network, groups: &groups, config: &config };
+            learner.observations(&rollouts, step).concat()
+        };
+        let clean = observations(0.0, 0, 0);
+        assert_eq!(
+            clean,
+            groups.each_ref().map(|group| group.encodings[0].latent.clone()).concat()
+        );
+        let noisy = observations(0.2, 0, 5);
+        assert_eq!(noisy, observations(0.2, 0, 5));
+        assert!(noisy != observations(0.2, 0, 6) && noisy != observations(0.2, 1, 5));
+        let largest = clean.iter().zip(&noisy).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        assert!(largest > 0.15 && largest <= 0.2 + 1e-6, "{largest}");
+    }
+
+    #[test]
     fn loss_is_invariant_to_rotation_about_the_robot() {
         let tree = KinematicTree::iiwa7_allegro().unwrap();
         let config = tiny();
@@ -270,7 +312,10 @@ mod tests {
             let rollout = RolloutState { group: 0, encoding: 1, state, steps_left: 1 };
             let network = Network::new(&config.policy, &tree.limits).unwrap();
             let learner = PolicyLearner { tree: &tree, network, groups: &groups, config: &config };
-            learner.differentiate(&params, TrainableSet::All, &[rollout]).unwrap().loss
+            let observations = learner.observations(&[rollout], 0);
+            let result =
+                learner.differentiate(&params, TrainableSet::All, &[rollout], &observations);
+            result.unwrap().loss
         };
         let (front, rotated) = (loss_at(0.0), loss_at(0.7));
         assert!(front > 1.0 && (front - rotated).abs() < 1e-3 * front, "{front}, {rotated}");

@@ -1,6 +1,7 @@
 //! Training of a policy.
 
 use super::log::TrainingLog;
+use super::settings;
 use super::validation::Validation;
 use super::{STOPPED, TrainArgs, parse_fraction, parse_norm, parse_positive, reject_same_folder};
 use crate::job_client;
@@ -51,6 +52,10 @@ pub(crate) struct Options {
     /// Train only on the first poses of each object, up to this number; the held-out poses stay the same
     #[arg(long, value_parser = parse_positive)]
     max_poses: Option<usize>,
+    /// Set a hyperparameter, by its path in `training.json` of a trained model; repeatable. For example
+    /// policy.network.ngf.position_scale=4
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    settings: Vec<String>,
 }
 
 /// Trains the policy and writes the model.
@@ -75,6 +80,7 @@ pub(super) fn train(options: &Options) -> Result<()> {
     config.horizon = options.horizon.map_or(config.horizon, usize::from);
     config.potential_only_fraction =
         options.potential_only_fraction.unwrap_or(config.potential_only_fraction);
+    config = settings::apply(&config, &options.settings)?;
     if config.horizon == 1 {
         // Behavior cloning trains only on states of the demonstrations.
         config.start_fraction = 0.0;

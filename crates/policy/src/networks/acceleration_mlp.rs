@@ -16,6 +16,7 @@ const MAX_HIDDEN: usize = 8192;
 
 /// Architecture and input scales of the network.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct AccelerationMlpConfig {
     /// Number of units of each hidden layer.
     pub hidden: Vec<usize>,
@@ -27,6 +28,7 @@ pub struct AccelerationMlpConfig {
 
 /// Random Fourier features of the inputs.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct FourierConfig {
     /// Seed of the frequencies.
     pub seed: u64,

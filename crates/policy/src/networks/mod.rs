@@ -47,6 +47,7 @@ pub fn normalized_centroid(canonical: &[Vec3]) -> Vec<f32> {
 
 /// Observation and network of a policy.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct PolicyConfig {
     /// Observation of the object.
     pub observation: ObservationKind,

@@ -20,6 +20,7 @@ pub const SPEED_SCALE: f64 = 1.0;
 
 /// Architecture and scales of the five networks.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct NgfConfig {
     /// Number of units of each hidden layer.
     pub hidden: usize,
@@ -31,6 +32,13 @@ pub struct NgfConfig {
     pub velocity_scale: f32,
     /// Length scale of z after whitening.
     pub latent_scale: f32,
+    /// Length scale of q in F_ψ, if it differs from `position_scale`. The policy uses the gradient of F_ψ: it
+    /// decorrelates over half the distance of a value with the same length scale.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub potential_position_scale: Option<f32>,
+    /// Length scale of z in F_ψ, if it differs from `latent_scale`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub potential_latent_scale: Option<f32>,
     /// ψ per unit of network output, so that weights of order one yield accelerations of tens of rad/s².
     pub potential_scale: f32,
     /// κ: stiffness of a quadratic potential ½ κ |q - q̄|² that is added to ψ.
@@ -52,6 +60,8 @@ impl NgfConfig {
             position_scale: 2.0,
             velocity_scale: 3.0,
             latent_scale: 16.0,
+            potential_position_scale: None,
+            potential_latent_scale: None,
             potential_scale: 100.0,
             base_stiffness: 450.0,
             potential_center: [0.0; DOF],
@@ -71,10 +81,13 @@ impl NgfConfig {
         if !(1..=MAX_HIDDEN).contains(&self.hidden) {
             return reject("hidden", self.hidden as f64);
         }
+        let [potential_position, potential_latent] = self.length_scales(POTENTIAL);
         let scales = [
             ("position_scale", self.position_scale),
             ("velocity_scale", self.velocity_scale),
             ("latent_scale", self.latent_scale),
+            ("potential_position_scale", potential_position),
+            ("potential_latent_scale", potential_latent),
         ];
         for (name, scale) in scales {
             if !(scale.is_finite() && scale > 0.0) {
@@ -89,6 +102,16 @@ impl NgfConfig {
         match numbers.into_iter().chain(center).find(|(_, value)| !value.is_finite()) {
             Some((name, value)) => reject(name, value),
             None => Ok(()),
+        }
+    }
+
+    /// Length scales of q and z in the network of an index of [`SUBNETWORKS`].
+    fn length_scales(&self, index: usize) -> [f32; 2] {
+        let common = [self.position_scale, self.latent_scale];
+        let of_potential = [self.potential_position_scale, self.potential_latent_scale];
+        match index {
+            POTENTIAL => std::array::from_fn(|i| of_potential[i].unwrap_or(common[i])),
+            _ => common,
         }
     }
 }
@@ -151,9 +174,10 @@ impl Subnetwork {
         observation_dim: usize,
         index: usize,
     ) -> FourierFeatures {
-        let q = InputBlock { size: DOF, length_scale: config.position_scale };
+        let [position_scale, latent_scale] = config.length_scales(index);
+        let q = InputBlock { size: DOF, length_scale: position_scale };
         let qd = InputBlock { size: DOF, length_scale: config.velocity_scale };
-        let z = InputBlock { size: observation_dim, length_scale: config.latent_scale };
+        let z = InputBlock { size: observation_dim, length_scale: latent_scale };
         let seed = config.frequency_seed.wrapping_add(index as u64);
         match self.velocity {
             VelocityInput::Absent => FourierFeatures::new(&[q, z], seed),
