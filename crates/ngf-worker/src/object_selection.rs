@@ -2,8 +2,10 @@
 
 use crate::mesh_file::{MeshFile, MeshSizeOptions, import_error};
 use anyhow::{Result, bail};
+use datagen::report::{Collection, contact_sheet};
 use mesh::{MeshOptions, SimplifyReport};
 use objects::catalog::CATALOG;
+use objects::generated::{self, FAMILIES};
 use objects::import::{
     self, DENSITY_LIMITS, FIRST_POSE, ImportContext, ImportOptions, ImportedObject, MASS_LIMITS,
     Orientation, OrientationChooser,
@@ -19,13 +21,22 @@ pub(crate) struct ListOptions {
     /// Write a contact sheet (SVG) to this file instead of printing the list
     #[arg(long, value_name = "FILE")]
     contact_sheet: Option<PathBuf>,
+    /// The generated objects of training and evaluation instead of the built-in ones
+    #[arg(long)]
+    generated: bool,
 }
 
-/// Lists or draws the built-in objects.
+/// Lists or draws the objects.
 pub(crate) fn run(options: &ListOptions) -> Result<()> {
     if let Some(file) = &options.contact_sheet {
-        let sheet = datagen::report::contact_sheet().map_err(anyhow::Error::msg)?;
+        let collection =
+            if options.generated { Collection::Generated } else { Collection::BuiltIn };
+        let sheet = contact_sheet(collection).map_err(anyhow::Error::msg)?;
         return files::atomic_file::write(file, sheet.as_bytes());
+    }
+    if options.generated {
+        list_generated();
+        return Ok(());
     }
     for entry in CATALOG {
         let file = entry.object_file().map_err(anyhow::Error::msg)?;
@@ -33,6 +44,20 @@ pub(crate) fn run(options: &ListOptions) -> Result<()> {
         println!("{:16} {:8} {:5.3} kg  {use_}", entry.name, entry.family, file.mass);
     }
     Ok(())
+}
+
+/// Prints name, size, mass and use of each generated object.
+fn list_generated() {
+    for family in FAMILIES {
+        let usage = if family.is_held_out { "held out" } else { "train" };
+        for number in 0..family.count {
+            let name = generated::name(family.name, number);
+            let Some(object) = generated::generate(&name) else { continue };
+            let [x, y, z] = (object.size() * 1000.0).to_array();
+            let size = format!("{x:.0} x {y:.0} x {z:.0} mm");
+            println!("{name:14} {size:20} {:5.3} kg  {usage}", object.mass);
+        }
+    }
 }
 
 /// Options that select one object.

@@ -1,5 +1,6 @@
 //! Catalogue of the built-in objects, grouped by family.
 
+use crate::generated;
 use crate::object::{Object, ObjectFile};
 use crate::shape_variant::ShapeVariant;
 use std::collections::BTreeMap;
@@ -71,8 +72,12 @@ pub fn entries_of_family(family: &str) -> impl Iterator<Item = &'static CatalogE
 }
 
 impl Object {
-    /// Builds the catalogue object `name`, or its k-th shape variant for `name.k` (k >= 1).
+    /// Builds the catalogue object `name`, its k-th shape variant for `name.k` (k >= 1), or the generated object
+    /// for `FAMILY-NUMBER` ([`generated`]).
     pub fn from_catalog(name: &str) -> Option<Self> {
+        if let Some(object) = generated::generate(name) {
+            return Some(object);
+        }
         let (base, variant) = parse_variant(name)?;
         let entry = CATALOG.iter().find(|entry| entry.name == base)?;
         let object = entry.object_file().ok()?.build().ok()?;

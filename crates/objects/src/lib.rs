@@ -4,6 +4,7 @@
 //! [`Object`] with mesh, convex parts, mass and friction, at rest on z = 0.
 
 pub mod catalog;
+pub mod generated;
 pub mod import;
 pub mod loft;
 pub mod object;
@@ -11,6 +12,7 @@ mod object_bytes;
 mod orientation;
 mod resting_pose;
 pub mod shape_variant;
+pub mod solid;
 pub mod symmetry;
 
 pub use object::Object;

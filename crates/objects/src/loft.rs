@@ -104,6 +104,23 @@ impl Loft {
         parts
     }
 
+    /// Section at a height, interpolated between its neighbours; the first or last one beyond the ends.
+    pub(crate) fn section_at(&self, height: f32) -> Section {
+        let above = self.sections.partition_point(|section| section.height < height);
+        if above == 0 || above == self.sections.len() {
+            return self.sections[above.min(self.sections.len() - 1)];
+        }
+        let (low, high) = (self.sections[above - 1], self.sections[above]);
+        let t = (height - low.height) / (high.height - low.height);
+        let mix = |a: f32, b: f32| a + (b - a) * t;
+        Section {
+            height,
+            half: std::array::from_fn(|i| mix(low.half[i], high.half[i])),
+            exponent: mix(low.exponent, high.exponent),
+            center: std::array::from_fn(|i| mix(low.center[i], high.center[i])),
+        }
+    }
+
     fn is_convex(&self, start: usize, end: usize) -> bool {
         let (low, high) = (self.sections[start], self.sections[end]);
         self.sections[start + 1..end].iter().all(|section| {
@@ -121,22 +138,25 @@ impl Loft {
 
 impl Section {
     /// `count` points on the superellipse, counter-clockwise seen from above.
-    fn ring(&self, count: usize) -> impl Iterator<Item = Vec3> + '_ {
-        let power = 2.0 / self.exponent;
-        (0..count).map(move |i| {
-            // Half a step from the axes, so that boxes get flat faces.
-            let angle = (i as f32 + 0.5) * (std::f32::consts::TAU / count as f32);
-            let (sin, cos) = libm::sincosf(angle);
-            let signed_power = |x: f32| libm::powf(x.abs(), power).copysign(x);
-            Vec3::new(
-                self.center[0] + self.half[0] * signed_power(cos),
-                self.center[1] + self.half[1] * signed_power(sin),
-                self.height,
-            )
-        })
+    pub(crate) fn ring(&self, count: usize) -> impl Iterator<Item = Vec3> + '_ {
+        // Half a step from the axes, so that boxes get flat faces.
+        let step = std::f32::consts::TAU / count as f32;
+        (0..count).map(move |i| self.point((i as f32 + 0.5) * step))
     }
 
-    fn center_point(&self) -> Vec3 {
+    /// Point on the superellipse for a parameter of 0 to 2 π; for an ellipse its eccentric anomaly.
+    pub(crate) fn point(&self, angle: f32) -> Vec3 {
+        let power = 2.0 / self.exponent;
+        let (sin, cos) = libm::sincosf(angle);
+        let signed_power = |x: f32| libm::powf(x.abs(), power).copysign(x);
+        Vec3::new(
+            self.center[0] + self.half[0] * signed_power(cos),
+            self.center[1] + self.half[1] * signed_power(sin),
+            self.height,
+        )
+    }
+
+    pub(crate) fn center_point(&self) -> Vec3 {
         Vec3::new(self.center[0], self.center[1], self.height)
     }
 }

@@ -2,6 +2,7 @@
 
 use crate::loft::Loft;
 use crate::shape_variant::ShapeVariant;
+use crate::solid::Solid;
 use geometry::{Pose, Vec3};
 use glamx::Quat;
 use mesh::{MassProperties, Mesh, MeshError};
@@ -102,16 +103,9 @@ impl ObjectFile {
 
     /// Builds the object.
     pub fn build(&self) -> Result<Object, MeshError> {
-        let (mut mesh, mut parts) = (Mesh { vertices: vec![], triangles: vec![] }, vec![]);
-        for loft in &self.lofts {
-            let pose = loft.pose();
-            let placed = |points: Vec<Vec3>| points.into_iter().map(|p| pose * p).collect();
-            let Mesh { vertices, triangles } = loft.sections.mesh();
-            let first = mesh.vertices.len() as u32;
-            mesh.triangles.extend(triangles.iter().map(|t| t.map(|i| i + first)));
-            mesh.vertices.extend::<Vec<Vec3>>(placed(vertices));
-            parts.extend(loft.sections.convex_parts().into_iter().map(placed));
-        }
+        let placed = |loft: &PlacedLoft| Solid::from(&loft.sections).placed(&loft.pose());
+        let Solid { mesh, parts } =
+            self.lofts.iter().map(placed).reduce(Solid::union).unwrap_or_default();
         Object::new(&self.name, mesh, true, parts, self.mass, self.friction)
     }
 }

@@ -6,7 +6,7 @@ mod grasp_figure;
 mod page;
 mod projection;
 
-pub use contact_sheet::contact_sheet;
+pub use contact_sheet::{Collection, contact_sheet};
 pub use page::render_page;
 
 /// Colors of text, of secondary text, and of lines.
