@@ -32,10 +32,9 @@ fn inference_and_training_networks_agree_on_dataset_states() {
     let mut params = Params::default();
     networks::init(&mut params, &config.policy, &mut ChaCha8Rng::seed_from_u64(0)).unwrap();
     params.restore(weights).unwrap();
-    let limits = &robot.tree.limits;
-    let twin = Network::new(&config.policy, limits).unwrap();
-    let runs = policy::Network::load(&Tensors::parse(weights).unwrap(), &config.policy, limits);
-    let runs = runs.unwrap();
+    let twin = Network::new(&config.policy, &robot.tree).unwrap();
+    let weights = Tensors::parse(weights).unwrap();
+    let runs = policy::Network::load(&weights, &config.policy, &robot.tree).unwrap();
 
     let observation = config.policy.observation;
     let (train, held_out) = split::train_val_split(&dataset, &encoder, observation, 3).unwrap();

@@ -118,8 +118,8 @@ fn ngf() -> (NgfConfig, Params, networks::Network) {
     SUBNETWORKS.iter().for_each(|part| add_layers(&mut params, part.name, &part.widths(&config)));
     let network = NetworkConfig::Ngf(config.clone());
     let policy = PolicyConfig { observation: ObservationKind::Cloud, network };
-    let limits = KinematicTree::iiwa7_allegro().unwrap().limits;
-    (config, params, networks::Network::new(&policy, &limits).unwrap())
+    let tree = KinematicTree::iiwa7_allegro().unwrap();
+    (config, params, networks::Network::new(&policy, &tree).unwrap())
 }
 
 /// Gradient of a weighted sum of the network's accelerations.
@@ -134,12 +134,12 @@ fn weighted_sum_gradient(made: &Tensor, params: &Params) -> Gradient {
 fn policy_matches_pytorch() {
     let golden = golden("policy");
     let (config, params, twin) = ngf();
-    let limits = KinematicTree::iiwa7_allegro().unwrap().limits;
+    let tree = KinematicTree::iiwa7_allegro().unwrap();
     let (states, z) = batch();
     let latents: Vec<&[f32]> = z.chunks_exact(LATENT_DIM).collect();
 
     let bytes = params.export(&[]).unwrap();
-    let runs = Ngf::load(&Tensors::parse(&bytes).unwrap(), &config, LATENT_DIM, &limits).unwrap();
+    let runs = Ngf::load(&Tensors::parse(&bytes).unwrap(), &config, LATENT_DIM, &tree).unwrap();
     let made = twin.forward(&params, &states, &latents).unwrap().accelerations;
     let rows = made.to_vec2::<f32>().unwrap();
     for (i, (state, z)) in states.iter().zip(&latents).enumerate() {

@@ -44,7 +44,7 @@ impl AutoencoderConfig {
         Some(match name {
             "smoke" => Self { steps: 40, ..standard },
             "small" => Self { steps: 3000, ..standard },
-            "variants" | "paper" | "families" => standard,
+            "variants" | "paper" | "families" | "generated" => standard,
             _ => return None,
         })
     }

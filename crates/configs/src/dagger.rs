@@ -113,7 +113,7 @@ impl DaggerConfig {
         Some(match name {
             "smoke" => Self { steps: 200, batch: 32, ..standard },
             "small" => Self { steps: 12_000, ..standard },
-            "variants" | "families" => Self { steps: 160_000, ..standard },
+            "variants" | "families" | "generated" => Self { steps: 160_000, ..standard },
             "paper" => standard,
             _ => return None,
         })

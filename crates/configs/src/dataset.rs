@@ -1,6 +1,7 @@
 //! Configuration of a dataset: its contents, and the named presets.
 
 use objects::catalog::{CATALOG, CatalogEntry};
+use objects::generated::{self, FAMILIES};
 
 /// Format version, incremented when the same configuration generates different data.
 ///
@@ -57,7 +58,7 @@ pub struct DatasetConfig {
 }
 
 /// Names of the presets with a description.
-pub const PRESETS: [(&str, &str); 5] = [
+pub const PRESETS: [(&str, &str); 6] = [
     ("smoke", "less than a minute: the whole pipeline at toy size"),
     ("small", "minutes: two objects, 24 poses each, 32 demonstrations of each"),
     (
@@ -66,6 +67,7 @@ pub const PRESETS: [(&str, &str); 5] = [
     ),
     ("paper", "size used in the paper: K = 192 object poses, M = 256 demonstrations of each"),
     ("families", "training objects of all families, some in several shapes, 28 poses each"),
+    ("generated", "432 generated objects of 18 families, 10 poses each"),
 ];
 
 /// Training objects of the paper's policies.
@@ -183,6 +185,27 @@ impl DatasetConfig {
                     ..small
                 }
             }
+            "generated" => {
+                let families = FAMILIES.iter().filter(|family| !family.is_held_out);
+                let names = families.flat_map(|family| {
+                    (0..family.count).map(|number| generated::name(family.name, number))
+                });
+                let objects: Vec<String> = names.collect();
+                let catalog = CATALOG.iter().filter(|entry| entry.is_for_training());
+                let catalog = catalog.map(|entry| entry.name.to_owned());
+                Self {
+                    encoder_objects: objects.iter().cloned().chain(catalog).collect(),
+                    objects,
+                    poses: 10,
+                    trajectories: 2,
+                    overlap_grasps: true,
+                    num_shaken_replays: 0,
+                    num_perturbed_replays: 0,
+                    num_azimuths: 8,
+                    encoder_clouds: 100,
+                    ..small
+                }
+            }
             _ => return None,
         })
     }
@@ -225,5 +248,10 @@ mod tests {
         let families = DatasetConfig::preset("families", 0).unwrap();
         assert!(families.objects.len() >= 48);
         assert!(!families.all_objects().contains(&"jam_jar"), "jars are held out");
+        let generated = DatasetConfig::preset("generated", 0).unwrap();
+        assert_eq!(generated.objects.len(), 432);
+        let is_held_out =
+            |name: &&str| generated::parse_name(name).is_some_and(|(family, _)| family.is_held_out);
+        assert_eq!(generated.all_objects().into_iter().find(is_held_out), None);
     }
 }

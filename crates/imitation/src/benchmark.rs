@@ -65,11 +65,11 @@ fn median_ms(mut work: impl FnMut() -> Result<()>) -> Result<f64> {
 
 /// Time (ms) of a step of all five networks: features, gradient of ψ, solve, loss, gradients, AdamW.
 fn ngf(config: &DaggerConfig) -> Result<f64> {
-    let limits = KinematicTree::iiwa7_allegro()?.limits;
+    let tree = KinematicTree::iiwa7_allegro()?;
     let mut rng = ChaCha8Rng::seed_from_u64(0);
     let mut params = Params::default();
     networks::init(&mut params, &config.policy, &mut rng)?;
-    let network = Network::new(&config.policy, &limits)?;
+    let network = Network::new(&config.policy, &tree)?;
     let mut adam = AdamW::new(&params, 1e-4);
     let mut vector = || JointVector::from_fn(|_, _| rng.random_range(-0.5..0.5));
     let states: Vec<JointState> =

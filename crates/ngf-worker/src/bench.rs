@@ -79,7 +79,7 @@ fn attempt_rows(options: &Options) -> Result<Vec<Row>> {
     autoencoder::init(&mut params, &mut rng)?;
     let bytes = params.export(&Whitening::identity().tensors())?;
     let tensors = Tensors::parse(&bytes)?;
-    let policy = Ngf::load(&tensors, &config, LATENT_DIM, &robot.tree.limits)?;
+    let policy = Ngf::load(&tensors, &config, LATENT_DIM, &robot.tree)?;
     let encoder = Encoder::load(&tensors)?;
 
     let pose = robot.config.object_pose(0.6, 0.0, 0.4);

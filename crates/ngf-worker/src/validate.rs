@@ -1,5 +1,5 @@
 //! `ngf validate`: rollouts of a policy on the training and held-out poses of a dataset, without physics,
-//! with fingertip errors by object.
+//! with fingertip errors by object, and the antisymmetric share of the policy's Jacobian.
 
 use crate::train::read_model;
 use ::policy::Network;
@@ -10,6 +10,7 @@ use evaluation::percentiles::MedianP90;
 use imitation::data::demo_group::DemoGroup;
 use imitation::data::split;
 use imitation::models::encoder::TrainedEncoder;
+use imitation::validate::jacobian_symmetry::antisymmetric_shares;
 use imitation::validate::kinematic_rollout::fingertip_errors;
 use robot::KinematicTree;
 use serde_json::Value;
@@ -33,7 +34,7 @@ pub(crate) struct Options {
 pub(crate) fn run(options: &Options) -> Result<()> {
     let tree = KinematicTree::iiwa7_allegro()?;
     let (weights, config) = read_model(&options.model)?;
-    let network = Network::load(&Tensors::parse(&weights)?, &config.policy, &tree.limits)?;
+    let network = Network::load(&Tensors::parse(&weights)?, &config.policy, &tree)?;
     let encoder = TrainedEncoder::from_model(&weights)?;
     let data = Dataset::open(&options.dataset)?;
     let observation = config.policy.observation;
@@ -57,8 +58,17 @@ pub(crate) fn run(options: &Options) -> Result<()> {
     print!("{:18}", "all");
     all.into_iter().for_each(print_percentiles);
     println!();
+    let every = held_out.len().div_ceil(MAX_JACOBIAN_GROUPS).max(1);
+    let sample: Vec<&DemoGroup> = held_out.iter().step_by(every).collect();
+    let shares = antisymmetric_shares(&network, &sample);
+    if let Some(MedianP90 { median, p90 }) = MedianP90::of(shares) {
+        println!("antisymmetric share of dq̈/dq, held out: {median:.3} (median), {p90:.3} (p90)");
+    }
     Ok(())
 }
+
+/// Number of demonstration groups at which Jacobians are computed.
+const MAX_JACOBIAN_GROUPS: usize = 100;
 
 /// Training poses per object according to `training.json` of the model; unlimited if not recorded.
 fn max_training_poses(model: &Path) -> usize {

@@ -1,7 +1,8 @@
 //! A trained model for inference: encoder, policy, start configurations, configuration.
 
+use crate::LATENT_DIM;
 use crate::encoder::{Decoder, Encoder};
-use crate::networks::{self, Network, ObservationKind, PolicyConfig};
+use crate::networks::{Network, ObservationKind, PolicyConfig};
 use crate::observation::{Observation, canonicalize};
 use crate::start_model::StartModel;
 use crate::weights::{Tensors, WeightsError};
@@ -110,34 +111,32 @@ impl Model {
             encoder: Encoder::load(&tensors)?,
             decoder: Decoder::load(&tensors)?,
             observation_kind: config.policy.observation,
-            network: Network::load(&tensors, &config.policy, &tree.limits)?,
+            network: Network::load(&tensors, &config.policy, tree)?,
             start_model: StartModel::load(starts, config.policy.observation.dim(), tree)?,
         })
     }
 
     /// Decodes an observation to a cloud (m) in the canonical frame; `None` for a position.
     pub fn reconstruct(&self, observation: &Observation) -> Option<Vec<Vec3>> {
-        let is_cloud = self.observation_kind == ObservationKind::Cloud;
-        is_cloud.then(|| self.decoder.decode(&observation.latent))
+        let has_latent = self.observation_kind.has_latent();
+        has_latent.then(|| self.decoder.decode(&observation.latent[..LATENT_DIM]))
     }
 
     /// Observes a cloud (m, base frame) in farthest-point order; `None` if it is empty.
     pub fn observe(&self, cloud: &[Vec3]) -> Option<Observation> {
-        match self.observation_kind {
-            ObservationKind::Cloud => self.encoder.encode(cloud),
-            ObservationKind::Position if cloud.is_empty() => None,
-            ObservationKind::Position => {
-                let (azimuth, canonical) = canonicalize(cloud);
-                Some(Observation { azimuth, latent: networks::normalized_centroid(&canonical) })
-            }
-        }
+        let (azimuth, canonical) = canonicalize(cloud);
+        let z = match self.observation_kind.has_latent() {
+            true => self.encoder.encode(cloud)?.latent,
+            false if cloud.is_empty() => return None,
+            false => Vec::new(),
+        };
+        Some(Observation { azimuth, latent: self.observation_kind.values(z, &canonical) })
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::LATENT_DIM;
     use crate::Whitening;
     use crate::encoder::{DECODER_WIDTHS, GLOBAL_WIDTHS, LOCAL_WIDTHS, READOUT_WIDTHS};
     use crate::networks::NetworkConfig;

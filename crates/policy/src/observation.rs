@@ -6,7 +6,7 @@
 
 use crate::networks::NetworkInput;
 use geometry::Vec3;
-use robot::{Isometry, JointState, JointVector, rotation};
+use robot::{Isometry, JointState, JointVector, Vector, rotation};
 
 /// The policy's observation of an object, made once before an attempt.
 #[derive(Clone, Debug, PartialEq)]
@@ -44,6 +44,38 @@ pub fn cloud_from_canonical(azimuth: f64, cloud: &[Vec3]) -> Vec<Vec3> {
     let (sin, cos) = libm::sincosf(azimuth as f32);
     let rotate = |p: &Vec3| Vec3::new(cos * p.x - sin * p.y, sin * p.x + cos * p.y, p.z);
     cloud.iter().map(rotate).collect()
+}
+
+/// Number of values of a [`cloud_box`].
+pub const BOX_DIM: usize = 6;
+/// Centre (m) and scale (m) of the sides of a box. With this scale they vary about as much as z.
+const BOX_CENTER: Vec3 = Vec3::new(0.6, 0.0, -0.2);
+const BOX_SCALE: f32 = 0.05;
+/// Fraction of the points beyond each side: depth noise moves single points.
+const BOX_OUTLIERS: f32 = 0.01;
+
+/// Shape (6): lower, then upper sides of the box around a cloud (m, canonical frame), dimensionless. Zeros if the
+/// cloud is empty.
+pub fn cloud_box(canonical: &[Vec3]) -> [f32; BOX_DIM] {
+    let mut sides = [0.0; BOX_DIM];
+    for axis in 0..3 {
+        let mut along: Vec<f32> = canonical.iter().map(|point| point[axis]).collect();
+        along.sort_by(f32::total_cmp);
+        let skipped = (BOX_OUTLIERS * along.len() as f32) as usize;
+        let ends = [skipped, along.len().saturating_sub(1 + skipped)];
+        for (k, end) in ends.into_iter().enumerate() {
+            let side = along.get(end).copied().unwrap_or(BOX_CENTER[axis]);
+            sides[3 * k + axis] = (side - BOX_CENTER[axis]) / BOX_SCALE;
+        }
+    }
+    sides
+}
+
+/// Centre (m) of a [`cloud_box`].
+pub fn box_center(sides: &[f32]) -> Vector {
+    let center =
+        Vec3::from_array(std::array::from_fn(|axis| 0.5 * (sides[axis] + sides[3 + axis])));
+    rotation::to_vector(BOX_CENTER + BOX_SCALE * center)
 }
 
 impl Observation {
@@ -122,5 +154,22 @@ mod tests {
         let got = encoding.pose_to_canonical(&tree.forward_kinematics(&q).palm_pose());
         assert!((wanted.translation.vector - got.translation.vector).norm() < 1e-12);
         assert!(rotation::angle_between(&wanted.rotation, &got.rotation) < 1e-7);
+    }
+
+    #[test]
+    fn cloud_box_has_the_sides_of_the_cloud_without_outliers() {
+        let point = |i: usize| {
+            let [x, y, z] = [i % 8, i / 8 % 8, i / 64].map(|k| k as f32 / 7.0);
+            Vec3::new(0.55 + 0.1 * x, -0.03 + 0.06 * y, -0.25 + 0.04 * z)
+        };
+        let mut cloud: Vec<Vec3> = (0..512).map(point).collect();
+        let wanted = [-1.0, -0.6, -1.0, 1.0, 0.6, -0.2];
+        let is_near = |sides: [f32; BOX_DIM]| {
+            sides.iter().zip(wanted).all(|(side, wanted)| (side - wanted).abs() < 1e-4)
+        };
+        assert!(is_near(cloud_box(&cloud)), "{:?}", cloud_box(&cloud));
+        cloud[3] = Vec3::new(0.1, 0.9, 0.4);
+        assert!(is_near(cloud_box(&cloud)), "{:?}", cloud_box(&cloud));
+        assert_eq!(cloud_box(&[]), [0.0; BOX_DIM]);
     }
 }

@@ -101,7 +101,7 @@ pub fn mean_success_rate(
     let mut sum = own;
     for SimilarObject { object: other, shape_variant } in similar {
         if let Some(grasp) = palm_transfer::reclose(robot, object, grasp, other, shape_variant) {
-            sum += success_rate_over(robot, other, &grasp, EARLY_STOP[0])?;
+            sum += success_rate_over(robot, other, &grasp, EARLY_STOP[0], &stop_early)?;
         }
     }
     Ok(sum / (1 + similar.len()) as f64)
@@ -114,7 +114,31 @@ pub fn success_rate(
     object: &Object,
     grasp: &Grasp,
 ) -> Result<f64, SceneError> {
-    success_rate_over(robot, object, grasp, NUM_TRIALS)
+    success_rate_over(robot, object, grasp, NUM_TRIALS, &stop_early)
+}
+
+/// Success rate as far as it decides about a grasp: 0 if it is below [`MIN_RATE`], [`GOOD_RATE`] if it is at
+/// least that. The trials stop as soon as the result is certain.
+pub(crate) fn bounded_success_rate(
+    robot: &RobotContext,
+    object: &Object,
+    grasp: &Grasp,
+) -> Result<f64, SceneError> {
+    let bound = |tried: usize, lifted: usize| {
+        let rate = |lifted: usize| lifted as f64 / NUM_TRIALS as f64;
+        if rate(lifted) >= GOOD_RATE {
+            return Some(GOOD_RATE);
+        }
+        (rate(lifted + NUM_TRIALS - tried) < MIN_RATE).then_some(0.0)
+    };
+    success_rate_over(robot, object, grasp, NUM_TRIALS, &bound)
+}
+
+/// Result after `tried` trials, of which `lifted` lifted, if it is certain.
+type EarlyResult<'a> = &'a dyn Fn(usize, usize) -> Option<f64>;
+
+fn stop_early(tried: usize, lifted: usize) -> Option<f64> {
+    (tried == EARLY_STOP[0] && lifted < EARLY_STOP[1]).then_some(0.0)
 }
 
 fn success_rate_over(
@@ -122,6 +146,7 @@ fn success_rate_over(
     object: &Object,
     grasp: &Grasp,
     trials: usize,
+    early_result: EarlyResult,
 ) -> Result<f64, SceneError> {
     let Some(planned) =
         PlannedGrasp::plan_at_easiest_yaw(&PlacedObject::at_origin(robot, object), grasp)?
@@ -131,8 +156,8 @@ fn success_rate_over(
     let mut rng = ChaCha8Rng::seed_from_u64(77);
     let mut lifted = 0;
     for tried in 0..trials {
-        if tried == EARLY_STOP[0] && lifted < EARLY_STOP[1] {
-            return Ok(0.0);
+        if let Some(rate) = early_result(tried, lifted) {
+            return Ok(rate);
         }
         let palm =
             candidates::perturb_palm(&grasp.object_from_palm, PALM_SHIFT, PALM_TURN, &mut rng);

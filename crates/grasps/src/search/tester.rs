@@ -42,6 +42,17 @@ pub enum Trial {
     Shaken,
 }
 
+/// Result of the trials of a grasp.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) enum Robustness {
+    /// It does not lift.
+    Fails,
+    /// It lifts, but not in enough repeats.
+    Lifts,
+    /// It also lifts in enough repeats.
+    Robust,
+}
+
 impl<'a> GraspTester<'a> {
     /// A tester for `object`. `seed` determines the perturbations and the random numbers of every candidate.
     pub fn new(
@@ -96,6 +107,30 @@ impl<'a> GraspTester<'a> {
             planned.map(|planned| self.score_grasp(grasp, &planned)).transpose()
         });
         results.into_iter().filter_map(Result::transpose).collect()
+    }
+
+    /// Whether a grasp lifts, and in enough short repeats; `None` if it is unreachable. Stops as soon as the result
+    /// is certain.
+    pub(crate) fn is_robust(&self, grasp: &Grasp) -> Result<Option<Robustness>, SceneError> {
+        let Some(planned) = PlannedGrasp::plan_at_easiest_yaw(&self.at_origin, grasp)? else {
+            return Ok(None);
+        };
+        let lifts = |trial| Ok::<_, SceneError>(self.try_planned(&planned, trial)?.is_some());
+        if !lifts(Trial::Screening)? || !lifts(Trial::Lift)? {
+            return Ok(Some(Robustness::Fails));
+        }
+        let SearchConfig { num_repeats, min_repeat_successes, .. } = *self.config;
+        let mut num_lifted = 0;
+        for index in 0..num_repeats {
+            num_lifted += usize::from(lifts(Trial::ShortRepeat(index))?);
+            if num_lifted == min_repeat_successes {
+                return Ok(Some(Robustness::Robust));
+            }
+            if num_lifted + num_repeats - (index + 1) < min_repeat_successes {
+                break;
+            }
+        }
+        Ok(Some(Robustness::Lifts))
     }
 
     /// Tries a grasp, then in perturbed repeats and under shaking. `None` if the first trial fails; the repeats

@@ -7,8 +7,9 @@
 use crate::search::candidates::CandidateConfig;
 use crate::search::palm_transfer::{MAX_TRIES, perturbed_palm, transfer_palm};
 use crate::search::robustness;
+use crate::search::tester::Robustness;
 use crate::search::{GraspTester, SearchConfig};
-use crate::set::clusters::{ScoredGrasp, half_turn};
+use crate::set::clusters::half_turn;
 use crate::set::grasp::Grasp;
 use crate::set::k_medoids;
 use crate::{GraspSet, RobotContext};
@@ -81,7 +82,7 @@ impl TransferSearch<'_> {
         let config = self.tester.config;
         let enough = if self.is_curated { 2 * ENOUGH_ROBUST } else { ENOUGH_ROBUST };
         let proposal = CandidateConfig { pregrasp: grasp.pregrasp, ..config.candidate.clone() };
-        let mut found: Vec<ScoredGrasp> = Vec::new();
+        let mut found: Vec<Grasp> = Vec::new();
         let (mut num_found, mut best) = (0, None);
         for index in 0..MAX_TRIES {
             if num_found == enough {
@@ -94,22 +95,23 @@ impl TransferSearch<'_> {
             let Ok((closed, _)) = self.tester.close_at(pose, &proposal, &mut rng) else {
                 continue;
             };
-            let Some(scored) = self.try_robust(closed)? else { continue };
+            if !self.is_robust(&closed)? {
+                continue;
+            }
             num_found += 1;
             if index > 0 {
-                found.push(scored);
+                found.push(closed);
                 continue;
             }
             // No other palm pose is closer to the transferred one.
-            best = self.rate(scored.grasp)?;
+            best = self.rate(closed)?;
             if best.as_ref().is_some_and(|(rate, _)| *rate >= robustness::GOOD_RATE) {
                 break;
             }
         }
-        let far =
-            |scored: &ScoredGrasp| k_medoids::palm_distance(palm, &scored.grasp.object_from_palm);
+        let far = |grasp: &Grasp| k_medoids::palm_distance(palm, &grasp.object_from_palm);
         found.sort_by(|a, b| far(a).total_cmp(&far(b)));
-        for ScoredGrasp { grasp: near, .. } in found {
+        for near in found {
             if best.as_ref().is_some_and(|(rate, _)| *rate >= robustness::GOOD_RATE) {
                 break;
             }
@@ -122,17 +124,14 @@ impl TransferSearch<'_> {
         Ok(best.map(|(_, near)| Grasp { cluster: grasp.cluster, ..near }))
     }
 
-    /// Tries a closed grasp; `None` if it is not robust.
-    fn try_robust(&mut self, closed: Grasp) -> Result<Option<ScoredGrasp>, SceneError> {
+    /// Whether a closed grasp is robust.
+    fn is_robust(&mut self, closed: &Grasp) -> Result<bool, SceneError> {
         self.counts.num_closed += 1;
-        let tried = self.tester.score_grasps(&[closed])?;
-        self.counts.num_tried += tried.len();
-        let scored = tried.into_iter().flatten().next();
-        self.counts.num_lifted += usize::from(scored.is_some());
-        let min = self.tester.config.min_repeat_successes;
-        let robust = scored.filter(|scored| scored.repeat_successes >= min);
-        self.counts.num_robust += usize::from(robust.is_some());
-        Ok(robust)
+        let result = self.tester.is_robust(closed)?;
+        self.counts.num_tried += usize::from(result.is_some());
+        self.counts.num_lifted += usize::from(result >= Some(Robustness::Lifts));
+        self.counts.num_robust += usize::from(result == Some(Robustness::Robust));
+        Ok(result == Some(Robustness::Robust))
     }
 
     /// Success rate of a robust grasp under hand pose error, 1 where it is not required; `None` if it is not
@@ -142,8 +141,11 @@ impl TransferSearch<'_> {
         if !robustness::is_approachable(robot, object, &grasp)? {
             return Ok(None);
         }
-        let rate =
-            if self.is_curated { robustness::success_rate(robot, object, &grasp)? } else { 1.0 };
+        let rate = if self.is_curated {
+            robustness::bounded_success_rate(robot, object, &grasp)?
+        } else {
+            1.0
+        };
         Ok((rate >= robustness::MIN_RATE).then_some((rate, grasp)))
     }
 }

@@ -7,7 +7,7 @@ use anyhow::{Context, Result};
 use geometry::Vec3;
 use policy::encoder::points_from_output;
 use policy::weights::Tensors;
-use policy::{Observation, ObservationKind, Whitening, networks};
+use policy::{Observation, ObservationKind, Whitening};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use std::path::Path;
@@ -62,17 +62,15 @@ impl TrainedEncoder {
         observation: ObservationKind,
         clouds: &[Vec<f32>],
     ) -> Result<Vec<Observation>> {
-        match observation {
-            ObservationKind::Cloud => self.encode(clouds),
-            ObservationKind::Position => Ok(clouds
-                .iter()
-                .map(|cloud| {
-                    let (azimuth, canonical) =
-                        policy::observation::canonicalize(&net::to_points(cloud));
-                    Observation { azimuth, latent: networks::normalized_centroid(&canonical) }
-                })
-                .collect()),
-        }
+        let latents = match observation.has_latent() {
+            true => self.encode(clouds)?.into_iter().map(|encoding| encoding.latent).collect(),
+            false => vec![Vec::new(); clouds.len()],
+        };
+        let observe = |(cloud, z): (&Vec<f32>, Vec<f32>)| {
+            let (azimuth, canonical) = policy::observation::canonicalize(&net::to_points(cloud));
+            Observation { azimuth, latent: observation.values(z, &canonical) }
+        };
+        Ok(clouds.iter().zip(latents).map(observe).collect())
     }
 
     /// Encodes clouds (base frame) into azimuth and whitened z.

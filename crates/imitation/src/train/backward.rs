@@ -168,7 +168,7 @@ mod tests {
 
     #[test]
     fn gradient_is_independent_of_the_number_of_threads() {
-        let limits = KinematicTree::iiwa7_allegro().unwrap().limits;
+        let tree = KinematicTree::iiwa7_allegro().unwrap();
         let mlp = AccelerationMlpConfig { hidden: vec![24; 3], ..AccelerationMlpConfig::large() };
         let mlp = PolicyConfig { network: NetworkConfig::Mlp(mlp), ..PolicyConfig::tiny() };
         for config in [PolicyConfig::tiny(), mlp] {
@@ -177,7 +177,7 @@ mod tests {
             networks::init(&mut params, &config, &mut ChaCha8Rng::seed_from_u64(1)).unwrap();
             let wave = |k: usize| 0.2 * libm::sinf((k * k % 1013) as f32);
             params.set_values(&(0..params.count()).map(wave).collect::<Vec<_>>()).unwrap();
-            let network = Network::new(&config, &limits).unwrap();
+            let network = Network::new(&config, &tree).unwrap();
             let state = |k: usize| JointState {
                 q: JointVector::from_fn(|i, _| libm::sin((3 * k + i) as f64)),
                 qd: JointVector::from_fn(|i, _| libm::cos((k + 2 * i) as f64)),

@@ -56,12 +56,8 @@ pub fn train(
     if let Some(weights) = init_weights {
         params.restore(weights)?;
     }
-    let learner = PolicyLearner {
-        tree,
-        network: Network::new(&config.policy, &tree.limits)?,
-        groups,
-        config,
-    };
+    let learner =
+        PolicyLearner { tree, network: Network::new(&config.policy, &tree)?, groups, config };
     let mut adam = AdamW::new(&params, config.weight_decay);
     let checkpoint = out.join("policy.checkpoint.safetensors");
     let settings = checkpoint_settings(config, groups, init_weights)?;
@@ -283,7 +279,7 @@ mod tests {
             [0, 1].map(|group| RolloutState { group, encoding: 0, state, steps_left: 1 });
         let observations = |observation_noise, seed, step| {
             let config = DaggerConfig { observation_noise, seed, ..tiny() };
-            let network = Network::new(&config.policy, &tree.limits).unwrap();
+            let network = Network::new(&config.policy, &tree).unwrap();
             let learner = PolicyLearner { tree: &tree, network, groups: &groups, config: &config };
             learner.observations(&rollouts, step).concat()
         };
@@ -310,7 +306,7 @@ mod tests {
             let mut state = groups[0].demonstrations.state(1);
             state.q[3] += 0.05;
             let rollout = RolloutState { group: 0, encoding: 1, state, steps_left: 1 };
-            let network = Network::new(&config.policy, &tree.limits).unwrap();
+            let network = Network::new(&config.policy, &tree).unwrap();
             let learner = PolicyLearner { tree: &tree, network, groups: &groups, config: &config };
             let observations = learner.observations(&[rollout], 0);
             let result =

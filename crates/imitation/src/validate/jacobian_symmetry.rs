@@ -90,7 +90,7 @@ mod tests {
         params.set_values(&values).unwrap();
         let bytes = params.export(&[]).unwrap();
         let tree = KinematicTree::iiwa7_allegro().unwrap();
-        Network::load(&Tensors::parse(&bytes).unwrap(), &config, &tree.limits).unwrap()
+        Network::load(&Tensors::parse(&bytes).unwrap(), &config, &tree).unwrap()
     }
 
     #[test]

@@ -72,7 +72,7 @@ impl Validation {
         groups: [(&'static str, &[DemoGroup]); 2],
     ) -> Result<ValidationResult> {
         let tree = &self.context.robot.tree;
-        let network = Network::load(&Tensors::parse(&files.weights)?, config, &tree.limits)?;
+        let network = Network::load(&Tensors::parse(&files.weights)?, config, tree)?;
         let mut fingertip_error_m = BTreeMap::new();
         for (label, groups) in groups {
             let sample = subsample(groups);

@@ -6,6 +6,7 @@
 pub mod acceleration_mlp;
 pub mod fabric_head;
 pub mod fourier;
+pub mod hand_points;
 pub mod mlp;
 pub mod ngf;
 
@@ -14,10 +15,10 @@ use crate::encoder;
 use crate::networks::acceleration_mlp::{AccelerationMlp, AccelerationMlpConfig};
 use crate::networks::fabric_head::NeuralFabric;
 use crate::networks::ngf::{Ngf, NgfConfig};
-use crate::observation::Observation;
+use crate::observation::{self, BOX_DIM, Observation};
 use crate::weights::{Tensors, WeightsError};
 use geometry::Vec3;
-use robot::{JointLimits, JointState, JointVector};
+use robot::{JointState, JointVector, KinematicTree};
 
 /// The policy's observation of the object.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -27,6 +28,9 @@ pub enum ObservationKind {
     Cloud,
     /// Centroid of the point cloud in the canonical frame, in workspace units (the paper's -POS).
     Position,
+    /// z of the point cloud, then the box around it ([`observation::cloud_box`]). z alone carries no size or
+    /// height beyond those that the encoder was trained on.
+    CloudAndBox,
 }
 
 impl ObservationKind {
@@ -35,6 +39,21 @@ impl ObservationKind {
         match self {
             Self::Cloud => LATENT_DIM,
             Self::Position => 3,
+            Self::CloudAndBox => LATENT_DIM + BOX_DIM,
+        }
+    }
+
+    /// Whether the first [`LATENT_DIM`] values are z.
+    pub fn has_latent(self) -> bool {
+        self != Self::Position
+    }
+
+    /// The observation of a cloud (m) in the canonical frame; `latent` is its z, if the kind has one.
+    pub fn values(self, latent: Vec<f32>, canonical: &[Vec3]) -> Vec<f32> {
+        match self {
+            Self::Cloud => latent,
+            Self::Position => normalized_centroid(canonical),
+            Self::CloudAndBox => [latent.as_slice(), &observation::cloud_box(canonical)].concat(),
         }
     }
 }
@@ -129,13 +148,13 @@ impl Network {
     pub fn load(
         tensors: &Tensors,
         config: &PolicyConfig,
-        limits: &JointLimits,
+        tree: &KinematicTree,
     ) -> Result<Self, WeightsError> {
         let observation_dim = config.observation.dim();
         Ok(match &config.network {
-            NetworkConfig::Ngf(ngf) => Self::Ngf(Ngf::load(tensors, ngf, observation_dim, limits)?),
+            NetworkConfig::Ngf(ngf) => Self::Ngf(Ngf::load(tensors, ngf, observation_dim, tree)?),
             NetworkConfig::Mlp(mlp) => {
-                Self::Mlp(AccelerationMlp::load(tensors, mlp, observation_dim, limits)?)
+                Self::Mlp(AccelerationMlp::load(tensors, mlp, observation_dim, &tree.limits)?)
             }
         })
     }
@@ -183,6 +202,19 @@ mod tests {
         assert!(
             PolicyConfig::by_name("ngf").is_none() && PolicyConfig::by_name("rnn-pcd").is_none()
         );
+    }
+
+    #[test]
+    fn values_of_an_observation_have_its_dimension() {
+        let cloud = [Vec3::new(0.5, 0.0, -0.2), Vec3::new(0.9, 0.0, 0.0)];
+        let kinds =
+            [ObservationKind::Cloud, ObservationKind::Position, ObservationKind::CloudAndBox];
+        for kind in kinds {
+            let z = if kind.has_latent() { vec![0.5; LATENT_DIM] } else { Vec::new() };
+            let values = kind.values(z, &cloud);
+            assert_eq!(values.len(), kind.dim());
+            assert_eq!(values[0] == 0.5 && values[1] == 0.5, kind.has_latent());
+        }
     }
 
     #[test]

@@ -2,12 +2,13 @@
 //!
 //! q is in the canonical frame, with the object at azimuth 0 ([`crate::observation`]).
 
-use crate::networks::NetworkInput;
 use crate::networks::fabric_head::{NetworkOutputs, TRIANGLE_ENTRIES, unit_velocity};
 use crate::networks::fourier::{FourierFeatures, InputBlock, NUM_FEATURES};
+use crate::networks::hand_points::{self, HAND_DIM};
 use crate::networks::mlp::{Activation, Mlp};
+use crate::networks::{NetworkInput, ObservationKind};
 use crate::weights::{Tensors, WeightsError};
-use robot::{DOF, JointLimits, JointState, JointVector};
+use robot::{DOF, JointState, JointVector, KinematicTree};
 
 /// Number of units of each hidden layer (paper: three layers of 512).
 pub const HIDDEN_WIDTH: usize = 512;
@@ -39,6 +40,10 @@ pub struct NgfConfig {
     /// Length scale of z in F_ψ, if it differs from `latent_scale`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub potential_latent_scale: Option<f32>,
+    /// Length scale of the hand's position relative to the object ([`hand_points`]), an additional input of F_ψ.
+    /// `None`: no such input. It needs [`crate::ObservationKind::CloudAndBox`].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub hand_scale: Option<f32>,
     /// ψ per unit of network output, so that weights of order one yield accelerations of tens of rad/s².
     pub potential_scale: f32,
     /// κ: stiffness of a quadratic potential ½ κ |q - q̄|² that is added to ψ.
@@ -62,6 +67,7 @@ impl NgfConfig {
             latent_scale: 16.0,
             potential_position_scale: None,
             potential_latent_scale: None,
+            hand_scale: None,
             potential_scale: 100.0,
             base_stiffness: 450.0,
             potential_center: [0.0; DOF],
@@ -88,6 +94,7 @@ impl NgfConfig {
             ("latent_scale", self.latent_scale),
             ("potential_position_scale", potential_position),
             ("potential_latent_scale", potential_latent),
+            ("hand_scale", self.hand_scale.unwrap_or(1.0)),
         ];
         for (name, scale) in scales {
             if !(scale.is_finite() && scale > 0.0) {
@@ -179,6 +186,10 @@ impl Subnetwork {
         let qd = InputBlock { size: DOF, length_scale: config.velocity_scale };
         let z = InputBlock { size: observation_dim, length_scale: latent_scale };
         let seed = config.frequency_seed.wrapping_add(index as u64);
+        if let Some(length_scale) = config.hand_scale.filter(|_| index == POTENTIAL) {
+            let hand = InputBlock { size: HAND_DIM, length_scale };
+            return FourierFeatures::new(&[q, hand, z], seed);
+        }
         match self.velocity {
             VelocityInput::Absent => FourierFeatures::new(&[q, z], seed),
             _ => FourierFeatures::new(&[q, qd, z], seed),
@@ -191,11 +202,20 @@ impl Subnetwork {
     }
 }
 
-/// Inputs of one network (dimensionless): normalised q, velocity input if it has one, z.
-pub fn inputs(subnetwork: &Subnetwork, limits: &JointLimits, input: &NetworkInput) -> Vec<f32> {
+/// Inputs of the network of an index of [`SUBNETWORKS`] (dimensionless): normalised q, the hand's position or the
+/// velocity if it has one, z.
+pub fn inputs(
+    index: usize,
+    config: &NgfConfig,
+    tree: &KinematicTree,
+    input: &NetworkInput,
+) -> Vec<f32> {
     let NetworkInput { state, latent } = input;
-    let mut x: Vec<f32> = limits.normalize(&state.q).iter().map(|&q| q as f32).collect();
-    match subnetwork.velocity {
+    let mut x: Vec<f32> = tree.limits.normalize(&state.q).iter().map(|&q| q as f32).collect();
+    if index == POTENTIAL && config.hand_scale.is_some() {
+        x.extend(hand_points::hand_inputs(tree, &state.q, latent));
+    }
+    match SUBNETWORKS[index].velocity {
         VelocityInput::Absent => {}
         VelocityInput::Unit => x.extend(unit_velocity(&state.qd).iter().map(|&v| v as f32)),
         VelocityInput::Full => x.extend(state.qd.iter().map(|&v| (v / SPEED_SCALE) as f32)),
@@ -204,10 +224,15 @@ pub fn inputs(subnetwork: &Subnetwork, limits: &JointLimits, input: &NetworkInpu
     x
 }
 
+/// Number of inputs of F_ψ that depend on q; they come first.
+pub fn num_position_inputs(config: &NgfConfig) -> usize {
+    DOF + if config.hand_scale.is_some() { HAND_DIM } else { 0 }
+}
+
 /// The NGF with its weights.
 #[derive(Clone, Debug)]
 pub struct Ngf {
-    limits: JointLimits,
+    tree: KinematicTree,
     config: NgfConfig,
     networks: Vec<(FourierFeatures, Mlp)>,
 }
@@ -218,9 +243,15 @@ impl Ngf {
         tensors: &Tensors,
         config: &NgfConfig,
         observation_dim: usize,
-        limits: &JointLimits,
+        tree: &KinematicTree,
     ) -> Result<Self, WeightsError> {
         config.validate()?;
+        if config.hand_scale.is_some() && observation_dim != ObservationKind::CloudAndBox.dim() {
+            return Err(WeightsError::InvalidValue {
+                name: "hand_scale".into(),
+                value: "set, but the observation has no box".into(),
+            });
+        }
         let network = |(i, subnetwork): (usize, &Subnetwork)| {
             let mlp =
                 Mlp::load(tensors, subnetwork.name, &subnetwork.widths(config), Activation::Elu)?;
@@ -228,7 +259,7 @@ impl Ngf {
         };
         let networks =
             SUBNETWORKS.iter().enumerate().map(network).collect::<Result<_, WeightsError>>()?;
-        Ok(Self { limits: limits.clone(), config: config.clone(), networks })
+        Ok(Self { tree: tree.clone(), config: config.clone(), networks })
     }
 
     /// Outputs of the networks for a batch, with ∂ψ/∂q by the chain rule through the features.
@@ -258,20 +289,31 @@ impl Ngf {
 
     /// Fourier features of network `i`, shape (batch, NUM_FEATURES).
     fn features(&self, i: usize, batch: &[NetworkInput]) -> Vec<f32> {
-        let row = |input: &NetworkInput| inputs(&SUBNETWORKS[i], &self.limits, input);
+        let row = |input: &NetworkInput| inputs(i, &self.config, &self.tree, input);
         self.networks[i].0.features(&batch.iter().flat_map(row).collect::<Vec<f32>>())
     }
 
     /// ∂ψ/∂q at a state, given the features and the gradient with respect to them.
     fn potential_gradient(&self, state: &JointState, features: &[f32], of: &[f32]) -> Vec<f32> {
-        let gradient = self.networks[POTENTIAL].0.vjp(features, of, DOF);
+        let count = num_position_inputs(&self.config);
+        let gradient = self.networks[POTENTIAL].0.vjp(features, of, count);
+        let (of_joints, of_hand) = gradient.split_at(DOF);
         // q is normalised over its range, which maps to two units.
-        let per_radian = (self.limits.upper - self.limits.lower).map(|range| 2.0 / range as f32);
+        let limits = &self.tree.limits;
+        let per_radian = (limits.upper - limits.lower).map(|range| 2.0 / range as f32);
+        let scale = self.config.potential_scale;
+        let joints = of_joints.iter().zip(&per_radian);
+        let mut of_q: Vec<f32> = joints.map(|(g, per_radian)| g * scale * per_radian).collect();
+        if !of_hand.is_empty() {
+            let jacobian = hand_points::hand_jacobian(&self.tree, &state.q);
+            for (joint, g) in of_q.iter_mut().enumerate() {
+                let column = of_hand.iter().enumerate().map(|(i, h)| jacobian[(i, joint)] * h);
+                *g += scale * column.sum::<f32>();
+            }
+        }
         let center = JointVector::from(self.config.potential_center);
         let quadratic = (state.q - center) * self.config.base_stiffness;
-        let joints = gradient.iter().zip(&per_radian).zip(&quadratic);
-        let scale = self.config.potential_scale;
-        joints.map(|((g, per_radian), k)| g * scale * per_radian + *k as f32).collect()
+        of_q.iter().zip(&quadratic).map(|(g, k)| g + *k as f32).collect()
     }
 
     /// q̈ (rad/s²) for each input of a batch; `None` where it is not finite.
@@ -297,15 +339,14 @@ impl Ngf {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::LATENT_DIM;
     use crate::networks::mlp::Dense;
-    use robot::KinematicTree;
 
-    #[test]
-    fn driving_force_is_the_gradient_of_the_potential() {
-        let limits = KinematicTree::iiwa7_allegro().unwrap().limits;
-        // Unit scale and no quadratic potential: single precision then resolves the network's gradient.
-        let config = NgfConfig { base_stiffness: 0.0, potential_scale: 1.0, ..NgfConfig::tiny() };
+    /// An NGF with weights of order one, and an observation for it.
+    fn wavy(config: NgfConfig) -> (Ngf, Vec<f32>) {
+        let kind = match config.hand_scale {
+            Some(_) => ObservationKind::CloudAndBox,
+            None => ObservationKind::Cloud,
+        };
         let dense = |(i, pair): (usize, &[usize])| {
             let wave = |k: usize| libm::sinf((k * k + i) as f32);
             let weight = (0..pair[0] * pair[1]).map(|k| 2.0 * wave(k) / (pair[0] as f32).sqrt());
@@ -316,32 +357,47 @@ mod tests {
         };
         let network = |(i, subnetwork): (usize, &Subnetwork)| {
             let layers = subnetwork.widths(&config).windows(2).enumerate().map(dense).collect();
-            (
-                subnetwork.fourier(&config, LATENT_DIM, i),
-                Mlp { layers, activation: Activation::Elu },
-            )
+            let mlp = Mlp { layers, activation: Activation::Elu };
+            (subnetwork.fourier(&config, kind.dim(), i), mlp)
         };
         let networks = SUBNETWORKS.iter().enumerate().map(network).collect();
-        let mut ngf = Ngf { limits, config: config.clone(), networks };
-        let z: Vec<f32> = (0..LATENT_DIM).map(|i| libm::cosf(i as f32)).collect();
-        let at = |q: JointVector| NetworkInput { state: JointState::at_rest(q), latent: &z };
-        let q = JointVector::from_fn(|i, _| 0.5 * libm::sin(i as f64));
-        let gradient = ngf.outputs(&[at(q)])[0].potential_gradient.clone();
-        let step = 0.02;
-        for i in 0..DOF {
-            let mut shift = JointVector::zeros();
-            shift[i] = step;
-            let rise = ngf.potential(&at(q + shift)) - ngf.potential(&at(q - shift));
-            let wanted = rise / (2.0 * step as f32);
-            assert!((gradient[i] - wanted).abs() < 1e-2, "{i}: {} against {wanted}", gradient[i]);
-        }
-        // The quadratic potential adds κ (q - q̄).
-        ngf.config.base_stiffness = 450.0;
-        ngf.config.potential_center = std::array::from_fn(|i| 0.1 * i as f64);
-        let offset = q - JointVector::from(ngf.config.potential_center);
-        for (i, got) in ngf.outputs(&[at(q)])[0].potential_gradient.iter().enumerate() {
-            let wanted = gradient[i] + 450.0 * offset[i] as f32;
-            assert!((got - wanted).abs() < 1e-3, "{i}: {got} against {wanted}");
+        let tree = KinematicTree::iiwa7_allegro().unwrap();
+        let observation = (0..kind.dim()).map(|i| libm::cosf(i as f32)).collect();
+        (Ngf { tree, config: config.clone(), networks }, observation)
+    }
+
+    #[test]
+    fn driving_force_is_the_gradient_of_the_potential() {
+        for hand_scale in [None, Some(1.5)] {
+            // Unit scale and no quadratic potential: single precision then resolves the network's gradient.
+            let config = NgfConfig {
+                base_stiffness: 0.0,
+                potential_scale: 1.0,
+                hand_scale,
+                ..NgfConfig::tiny()
+            };
+            let (mut ngf, z) = wavy(config);
+            let at = |q: JointVector| NetworkInput { state: JointState::at_rest(q), latent: &z };
+            let q = JointVector::from_fn(|i, _| 0.5 * libm::sin(i as f64));
+            let gradient = ngf.outputs(&[at(q)])[0].potential_gradient.clone();
+            let step = 0.02;
+            let size = gradient.iter().map(|g| g.abs()).fold(1.0, f32::max);
+            for i in 0..DOF {
+                let mut shift = JointVector::zeros();
+                shift[i] = step;
+                let rise = ngf.potential(&at(q + shift)) - ngf.potential(&at(q - shift));
+                let wanted = rise / (2.0 * step as f32);
+                let error = (gradient[i] - wanted).abs();
+                assert!(error < 1e-2 * size, "{i}: {} against {wanted}", gradient[i]);
+            }
+            // The quadratic potential adds κ (q - q̄).
+            ngf.config.base_stiffness = 450.0;
+            ngf.config.potential_center = std::array::from_fn(|i| 0.1 * i as f64);
+            let offset = q - JointVector::from(ngf.config.potential_center);
+            for (i, got) in ngf.outputs(&[at(q)])[0].potential_gradient.iter().enumerate() {
+                let wanted = gradient[i] + 450.0 * offset[i] as f32;
+                assert!((got - wanted).abs() < 1e-3, "{i}: {got} against {wanted}");
+            }
         }
     }
 }

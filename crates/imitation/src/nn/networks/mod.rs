@@ -13,7 +13,7 @@ use policy::PolicyConfig;
 use policy::networks::NetworkConfig;
 use policy::networks::fabric_head::TRIANGLE_ENTRIES;
 use rand_chacha::ChaCha8Rng;
-use robot::{DOF, JointLimits, JointState};
+use robot::{DOF, JointState, KinematicTree};
 
 /// A trainable policy network.
 pub enum Network {
@@ -41,10 +41,10 @@ pub fn init(params: &mut Params, config: &PolicyConfig, rng: &mut ChaCha8Rng) ->
 
 impl Network {
     /// Samples the fixed Fourier frequencies.
-    pub fn new(config: &PolicyConfig, limits: &JointLimits) -> Result<Self> {
+    pub fn new(config: &PolicyConfig, tree: &KinematicTree) -> Result<Self> {
         Ok(match &config.network {
-            NetworkConfig::Ngf(ngf) => Self::Ngf(Ngf::new(ngf, config.observation.dim(), limits)?),
-            _ => Self::Direct(DirectNetwork::new(config, limits)?),
+            NetworkConfig::Ngf(ngf) => Self::Ngf(Ngf::new(ngf, config.observation.dim(), tree)?),
+            _ => Self::Direct(DirectNetwork::new(config, &tree.limits)?),
         })
     }
 
@@ -110,17 +110,22 @@ impl Network {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use policy::NetworkInput;
     use policy::networks::POLICY_NAMES;
+    use policy::networks::ngf::NgfConfig;
     use policy::weights::Tensors;
+    use policy::{NetworkInput, ObservationKind};
     use rand::SeedableRng;
-    use robot::{JointVector, KinematicTree};
+    use robot::JointVector;
 
     #[test]
     fn batched_networks_match_the_inference_networks() {
-        let limits = KinematicTree::iiwa7_allegro().unwrap().limits;
-        for name in POLICY_NAMES {
-            let config = PolicyConfig::by_name(name).unwrap();
+        let tree = KinematicTree::iiwa7_allegro().unwrap();
+        let named = POLICY_NAMES.map(|name| (name, PolicyConfig::by_name(name).unwrap()));
+        let with_hand = PolicyConfig {
+            observation: ObservationKind::CloudAndBox,
+            network: NetworkConfig::Ngf(NgfConfig { hand_scale: Some(2.0), ..NgfConfig::paper() }),
+        };
+        for (name, config) in named.into_iter().chain([("hand", with_hand)]) {
             let mut params = Params::default();
             init(&mut params, &config, &mut ChaCha8Rng::seed_from_u64(4)).unwrap();
             // Initial last layers are zero. Nonzero weights, rounded to half precision, make the comparison
@@ -129,10 +134,9 @@ mod tests {
             let values: Vec<f32> = (0..params.count()).map(|k| wave(k).to_f32()).collect();
             params.set_values(&values).unwrap();
             let bytes = params.export(&[]).unwrap();
-            let inference =
-                policy::Network::load(&Tensors::parse(&bytes).unwrap(), &config, &limits);
+            let inference = policy::Network::load(&Tensors::parse(&bytes).unwrap(), &config, &tree);
             let inference = inference.unwrap();
-            let network = Network::new(&config, &limits).unwrap();
+            let network = Network::new(&config, &tree).unwrap();
 
             let state = |k: usize| JointState {
                 q: JointVector::from_fn(|i, _| libm::sin((k * 5 + i) as f64) * 0.8),

@@ -10,12 +10,14 @@ use anyhow::Result;
 use candle_core::{DType, Device, Tensor};
 use policy::NetworkInput;
 use policy::networks::fourier::{FourierFeatures, NUM_FREQUENCIES};
+use policy::networks::hand_points;
 use policy::networks::mlp::Activation;
 use policy::networks::ngf::{
     DAMPING, DRIVING_METRIC, GEOMETRY, GEOMETRY_METRIC, NgfConfig, POTENTIAL, SUBNETWORKS, inputs,
+    num_position_inputs,
 };
 use rand_chacha::ChaCha8Rng;
-use robot::{DOF, JointLimits, JointState, JointVector};
+use robot::{DOF, JointState, JointVector, KinematicTree};
 use std::ops::Range;
 
 /// Initial output bias of the β_f network. The initial β_f is larger by one: ELU + 1.
@@ -25,13 +27,11 @@ const NUM_LAYERS: usize = 4;
 
 /// Fixed quantities of the fabric: joint limits, Fourier projections of the five networks, base potential.
 pub struct Ngf {
-    limits: JointLimits,
+    tree: KinematicTree,
+    config: NgfConfig,
     fourier: Vec<(FourierFeatures, Tensor)>,
     /// ∂(normalised q)/∂q times the scale of ψ, shape (1, DOF).
     slope: Tensor,
-    /// κ, stiffness (1/s²) of the base potential, and its centre (rad).
-    base_stiffness: f64,
-    potential_center: JointVector,
 }
 
 /// Subset of the networks that is trained.
@@ -69,7 +69,7 @@ pub fn init(params: &mut Params, config: &NgfConfig, rng: &mut ChaCha8Rng) -> Re
 
 impl Ngf {
     /// Samples the Fourier frequencies for observations of dimension `observation_dim`.
-    pub fn new(config: &NgfConfig, observation_dim: usize, limits: &JointLimits) -> Result<Self> {
+    pub fn new(config: &NgfConfig, observation_dim: usize, tree: &KinematicTree) -> Result<Self> {
         let fourier = SUBNETWORKS
             .iter()
             .enumerate()
@@ -80,18 +80,11 @@ impl Ngf {
                 Ok((fourier, tensor))
             })
             .collect::<Result<_>>()?;
-        let range = limits.upper - limits.lower;
+        let range = tree.limits.upper - tree.limits.lower;
         let slope: Vec<f32> =
             range.iter().map(|r| config.potential_scale * (2.0 / r) as f32).collect();
         let slope = Tensor::from_vec(slope, (1, DOF), &Device::Cpu)?;
-        let rest = JointVector::from(config.potential_center);
-        Ok(Self {
-            limits: limits.clone(),
-            fourier,
-            slope,
-            base_stiffness: config.base_stiffness,
-            potential_center: rest,
-        })
+        Ok(Self { tree: tree.clone(), config: config.clone(), fourier, slope })
     }
 
     /// The networks in the set `active`, in the order of the packed row.
@@ -158,11 +151,8 @@ impl Ngf {
         let (fourier, frequencies) = &self.fourier[part];
         let mut x = Vec::with_capacity(states.len() * fourier.num_inputs);
         for (state, z) in states.iter().zip(z) {
-            x.extend(inputs(
-                &SUBNETWORKS[part],
-                &self.limits,
-                &NetworkInput { state: *state, latent: z },
-            ));
+            let input = NetworkInput { state: *state, latent: z };
+            x.extend(inputs(part, &self.config, &self.tree, &input));
         }
         let x = Tensor::from_vec(x, (states.len(), fourier.num_inputs), &Device::Cpu)?;
         Ok(FeatureBatch::from_phases(&x.matmul(frequencies)?)?)
@@ -192,12 +182,36 @@ impl Ngf {
             gradient = gradient.apply_op2(&weight, MatmulNT { accumulator })?;
         }
         let of_phases = features.vjp(&gradient)?;
-        let frequencies = self.fourier[POTENTIAL].1.narrow(0, 0, DOF)?.t()?;
-        let of_network = of_phases.matmul(&frequencies)?.broadcast_mul(&self.slope)?;
+        let frequencies = &self.fourier[POTENTIAL].1;
+        let of_joints = of_phases.matmul(&frequencies.narrow(0, 0, DOF)?.t()?)?;
+        let mut of_network = of_joints.broadcast_mul(&self.slope)?;
+        let num_hand_inputs = num_position_inputs(&self.config) - DOF;
+        if num_hand_inputs > 0 {
+            let of_hand = of_phases.matmul(&frequencies.narrow(0, DOF, num_hand_inputs)?.t()?)?;
+            of_network = (of_network + self.pull_back(&of_hand, states)?)?;
+        }
+        let NgfConfig { base_stiffness, potential_center, .. } = self.config;
+        let center = JointVector::from(potential_center);
         let base: Vec<JointVector> =
-            states.iter().map(|s| (s.q - self.potential_center) * self.base_stiffness).collect();
+            states.iter().map(|s| (s.q - center) * base_stiffness).collect();
         let base = base.iter().flat_map(|row| row.iter().map(|x| *x as f32)).collect();
         Ok((of_network + Tensor::from_vec::<_, f32>(base, (states.len(), DOF), &Device::Cpu)?)?)
+    }
+
+    /// Gradient of ψ with respect to q, shape (B, DOF), from that with respect to the hand's position.
+    fn pull_back(&self, of_hand: &Tensor, states: &[JointState]) -> Result<Tensor> {
+        let scale = self.config.potential_scale;
+        let jacobians: Vec<f32> = states
+            .iter()
+            .flat_map(|state| {
+                // Column-major: the values of one joint are contiguous, as in a row-major transpose.
+                let jacobian = hand_points::hand_jacobian(&self.tree, &state.q) * scale;
+                jacobian.iter().copied().collect::<Vec<_>>()
+            })
+            .collect();
+        let shape = (states.len(), DOF, hand_points::HAND_DIM);
+        let transposed = Tensor::from_vec(jacobians, shape, &Device::Cpu)?;
+        Ok(transposed.matmul(&of_hand.unsqueeze(2)?)?.squeeze(2)?)
     }
 }
 
@@ -206,7 +220,6 @@ mod tests {
     use super::*;
     use policy::LATENT_DIM;
     use rand::SeedableRng;
-    use robot::KinematicTree;
 
     #[test]
     fn initial_networks_return_the_inactive_output() {
@@ -214,7 +227,7 @@ mod tests {
         let mut params = Params::default();
         let config = NgfConfig::tiny();
         init(&mut params, &config, &mut ChaCha8Rng::seed_from_u64(9)).unwrap();
-        let network = Ngf::new(&config, LATENT_DIM, &tree.limits).unwrap();
+        let network = Ngf::new(&config, LATENT_DIM, &tree).unwrap();
         let state = JointState {
             q: JointVector::from_fn(|i, _| 0.1 * i as f64),
             qd: JointVector::from_element(0.3),
@@ -240,7 +253,7 @@ mod tests {
         init(&mut params, &config, &mut ChaCha8Rng::seed_from_u64(2)).unwrap();
         let wave = |k: usize| 0.2 * libm::sinf((k * k % 1013) as f32);
         params.set_values(&(0..params.count()).map(wave).collect::<Vec<_>>()).unwrap();
-        let network = Ngf::new(&config, LATENT_DIM, &tree.limits).unwrap();
+        let network = Ngf::new(&config, LATENT_DIM, &tree).unwrap();
         let state = |k: usize| JointState {
             q: JointVector::from_fn(|i, _| libm::sin((3 * k + i) as f64)),
             qd: JointVector::from_fn(|i, _| libm::cos((k + 2 * i) as f64)),
