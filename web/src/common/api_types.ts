@@ -725,11 +725,11 @@ export interface components {
              */
             point_clouds?: boolean;
             /**
-             * @description Preset that sets the size of the dataset. `smoke`: less than a minute: the whole pipeline at toy size; `small`: minutes: two objects, 24 poses each, 32 demonstrations of each; `variants`: dataset of models/ycb-two: 220 poses each of a box in 2 shapes and a bottle in 8; `paper`: size used in the paper: K = 192 object poses, M = 256 demonstrations of each; `families`: training objects of all families, some in several shapes, 28 poses each.
+             * @description Preset that sets the size of the dataset. `smoke`: less than a minute: the whole pipeline at toy size; `small`: minutes: two objects, 24 poses each, 32 demonstrations of each; `variants`: dataset of models/ycb-two: 220 poses each of a box in 2 shapes and a bottle in 8; `paper`: size used in the paper: K = 192 object poses, M = 256 demonstrations of each; `families`: training objects of all families, some in several shapes, 28 poses each; `generated`: 432 generated objects of 18 families, 10 poses each.
              * @default small
              * @enum {string}
              */
-            preset: "smoke" | "small" | "variants" | "paper" | "families";
+            preset: "smoke" | "small" | "variants" | "paper" | "families" | "generated";
             /**
              * Format: int64
              * @description Random seed.
@@ -1803,7 +1803,7 @@ export interface components {
              * @default paper
              * @enum {string}
              */
-            preset: "smoke" | "small" | "variants" | "paper" | "families";
+            preset: "smoke" | "small" | "variants" | "paper" | "families" | "generated";
             /**
              * Format: int64
              * @description Random seed of initial weights and batches.

@@ -368,7 +368,7 @@ mod tests {
 
     #[test]
     fn driving_force_is_the_gradient_of_the_potential() {
-        for hand_scale in [None, Some(1.5)] {
+        for hand_scale in [None, Some(12.0)] {
             // Unit scale and no quadratic potential: single precision then resolves the network's gradient.
             let config = NgfConfig {
                 base_stiffness: 0.0,
@@ -380,7 +380,7 @@ mod tests {
             let at = |q: JointVector| NetworkInput { state: JointState::at_rest(q), latent: &z };
             let q = JointVector::from_fn(|i, _| 0.5 * libm::sin(i as f64));
             let gradient = ngf.outputs(&[at(q)])[0].potential_gradient.clone();
-            let step = 0.02;
+            let step = 0.005;
             let size = gradient.iter().map(|g| g.abs()).fold(1.0, f32::max);
             for i in 0..DOF {
                 let mut shift = JointVector::zeros();
