@@ -5,12 +5,13 @@ use scene::config::AttemptProtocol;
 
 /// The outcome in one sentence. After an intervention of the user, the sentence is about the user.
 pub(crate) fn headline(attempt: &Attempt, outcome: Outcome) -> &'static str {
-    let is_in_hand =
-        attempt.evidence().is_none_or(|evidence| evidence.fingers > 0 || evidence.palm);
+    let was_pulled_out = attempt.evidence().is_some_and(|evidence| {
+        evidence.max_fingers > 0 && evidence.fingers == 0 && !evidence.palm
+    });
     match (attempt.was_disturbed(), outcome.is_lifted()) {
         (true, true) => "Lifted and held, but you moved the object: not counted.",
-        (true, false) if is_in_hand => "You moved the object: not counted.",
-        (true, false) => "You pulled the object out of the hand: not counted.",
+        (true, false) if was_pulled_out => "You pulled the object out of the hand: not counted.",
+        (true, false) => "You moved the object: not counted.",
         (false, _) => attempt.description().unwrap_or(outcome.description()),
     }
 }
@@ -62,6 +63,14 @@ mod tests {
         let down = Vec3::new(0.0, 0.0, -0.5);
         let pulled = headline_of(&heavy, Some((Phase::Lift, down)));
         assert_eq!(pulled, "You pulled the object out of the hand: not counted.");
+    }
+
+    #[test]
+    fn object_pulled_away_before_any_contact_was_only_moved() {
+        let object = Object::from_catalog("sugar_box").unwrap();
+        let away = Vec3::new(0.0, 0.4, 0.1);
+        let moved = headline_of(&object, Some((Phase::Policy, away)));
+        assert_eq!(moved, "You moved the object: not counted.");
     }
 
     #[test]
