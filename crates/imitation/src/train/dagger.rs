@@ -57,7 +57,7 @@ pub fn train(
         params.restore(weights)?;
     }
     let learner =
-        PolicyLearner { tree, network: Network::new(&config.policy, &tree)?, groups, config };
+        PolicyLearner { tree, network: Network::new(&config.policy, tree)?, groups, config };
     let mut adam = AdamW::new(&params, config.weight_decay);
     let checkpoint = out.join("policy.checkpoint.safetensors");
     let settings = checkpoint_settings(config, groups, init_weights)?;

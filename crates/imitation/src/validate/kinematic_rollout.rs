@@ -101,7 +101,7 @@ mod tests {
         let mut params = Params::default();
         networks::init(&mut params, &config, &mut ChaCha8Rng::seed_from_u64(3)).unwrap();
         let bytes = params.export(&[]).unwrap();
-        Network::load(&Tensors::parse(&bytes).unwrap(), &config, &tree).unwrap()
+        Network::load(&Tensors::parse(&bytes).unwrap(), &config, tree).unwrap()
     }
 
     /// A fabric with only the base potential: it converges to `rest`.

@@ -3,7 +3,7 @@
 //! In: a name, `FAMILY-NUMBER`. Out: an [`Object`] with real proportions, hollowness, stance and mass. The
 //! object depends on its name only.
 //!
-//! A family is a function that draws a solid ([`families`]). The object rests on the side it was drawn on, or
+//! A family is a function that draws a solid (`families`). The object rests on the side it was drawn on, or
 //! on a random stable one.
 
 mod draw;

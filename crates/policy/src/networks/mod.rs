@@ -138,9 +138,9 @@ pub struct NetworkInput<'a> {
 #[derive(Clone, Debug)]
 pub enum Network {
     /// A Neural Geometric Fabric.
-    Ngf(Ngf),
+    Ngf(Box<Ngf>),
     /// The baseline: a multilayer perceptron.
-    Mlp(AccelerationMlp),
+    Mlp(Box<AccelerationMlp>),
 }
 
 impl Network {
@@ -152,9 +152,12 @@ impl Network {
     ) -> Result<Self, WeightsError> {
         let observation_dim = config.observation.dim();
         Ok(match &config.network {
-            NetworkConfig::Ngf(ngf) => Self::Ngf(Ngf::load(tensors, ngf, observation_dim, tree)?),
+            NetworkConfig::Ngf(ngf) => {
+                Self::Ngf(Box::new(Ngf::load(tensors, ngf, observation_dim, tree)?))
+            }
             NetworkConfig::Mlp(mlp) => {
-                Self::Mlp(AccelerationMlp::load(tensors, mlp, observation_dim, &tree.limits)?)
+                let mlp = AccelerationMlp::load(tensors, mlp, observation_dim, &tree.limits)?;
+                Self::Mlp(Box::new(mlp))
             }
         })
     }

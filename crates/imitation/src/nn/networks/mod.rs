@@ -18,9 +18,9 @@ use robot::{DOF, JointState, KinematicTree};
 /// A trainable policy network.
 pub enum Network {
     /// A Neural Geometric Fabric.
-    Ngf(Ngf),
+    Ngf(Box<Ngf>),
     /// A network without a fabric, such as the baseline.
-    Direct(DirectNetwork),
+    Direct(Box<DirectNetwork>),
 }
 
 /// Output of a network for a batch.
@@ -43,8 +43,10 @@ impl Network {
     /// Samples the fixed Fourier frequencies.
     pub fn new(config: &PolicyConfig, tree: &KinematicTree) -> Result<Self> {
         Ok(match &config.network {
-            NetworkConfig::Ngf(ngf) => Self::Ngf(Ngf::new(ngf, config.observation.dim(), tree)?),
-            _ => Self::Direct(DirectNetwork::new(config, &tree.limits)?),
+            NetworkConfig::Ngf(ngf) => {
+                Self::Ngf(Box::new(Ngf::new(ngf, config.observation.dim(), tree)?))
+            }
+            _ => Self::Direct(Box::new(DirectNetwork::new(config, &tree.limits)?)),
         })
     }
 
