@@ -1,7 +1,7 @@
 //! Configuration of a dataset: its contents, and the named presets.
 
 use objects::catalog::{CATALOG, CatalogEntry};
-use objects::generated::{self, FAMILIES};
+use objects::generated::{FAMILIES, Family};
 
 /// Format version, incremented when the same configuration generates different data.
 ///
@@ -14,6 +14,7 @@ use objects::generated::{self, FAMILIES};
 /// 17: objects are also placed nearer and farther than in an attempt. 18: this is reverted. 19: new names of
 /// fields and columns. 20: environment state, quantiles, dataset card. 21: all replays simulate arm and hand.
 /// 22: hands of transferred and searched grasps close above the table. 23: searches pinch low objects.
+/// 24: transfers of grasps stop as soon as their result is certain.
 pub const VERSION: u32 = 24;
 
 /// Requested contents of a dataset. Together with the program version, it determines the bytes of the
@@ -187,10 +188,7 @@ impl DatasetConfig {
             }
             "generated" => {
                 let families = FAMILIES.iter().filter(|family| !family.is_held_out);
-                let names = families.flat_map(|family| {
-                    (0..family.count).map(|number| generated::name(family.name, number))
-                });
-                let objects: Vec<String> = names.collect();
+                let objects: Vec<String> = families.flat_map(Family::names).collect();
                 let catalog = CATALOG.iter().filter(|entry| entry.is_for_training());
                 let catalog = catalog.map(|entry| entry.name.to_owned());
                 Self {
@@ -250,8 +248,9 @@ mod tests {
         assert!(!families.all_objects().contains(&"jam_jar"), "jars are held out");
         let generated = DatasetConfig::preset("generated", 0).unwrap();
         assert_eq!(generated.objects.len(), 432);
-        let is_held_out =
-            |name: &&str| generated::parse_name(name).is_some_and(|(family, _)| family.is_held_out);
+        let is_held_out = |name: &&str| {
+            objects::generated::parse_name(name).is_some_and(|(family, _)| family.is_held_out)
+        };
         assert_eq!(generated.all_objects().into_iter().find(is_held_out), None);
     }
 }

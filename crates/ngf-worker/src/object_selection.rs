@@ -49,9 +49,8 @@ pub(crate) fn run(options: &ListOptions) -> Result<()> {
 /// Prints name, size, mass and use of each generated object.
 fn list_generated() {
     for family in FAMILIES {
-        let usage = if family.is_held_out { "held out" } else { "train" };
-        for number in 0..family.count {
-            let name = generated::name(family.name, number);
+        let usage = family.usage();
+        for name in family.names() {
             let Some(object) = generated::generate(&name) else { continue };
             let [x, y, z] = (object.size() * 1000.0).to_array();
             let size = format!("{x:.0} x {y:.0} x {z:.0} mm");

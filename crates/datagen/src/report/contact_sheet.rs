@@ -61,7 +61,11 @@ fn built_in_families() -> Result<Vec<FamilyObjects>, String> {
     let family = |name| {
         let members = CATALOG.iter().filter(|entry| entry.family == name);
         let is_train = members.clone().any(|entry| entry.is_for_training());
-        let usage = if name == YCB_FAMILY { "modeled on YCB" } else { usage(!is_train) };
+        let usage = match (name == YCB_FAMILY, is_train) {
+            (true, _) => "modeled on YCB",
+            (_, true) => "train",
+            _ => "held out",
+        };
         let build = |entry: &objects::catalog::CatalogEntry| {
             let object = entry.object_file()?.build();
             object.map_err(|error| format!("{}: {error}", entry.name))
@@ -73,15 +77,10 @@ fn built_in_families() -> Result<Vec<FamilyObjects>, String> {
 
 fn generated_families() -> Vec<FamilyObjects> {
     let family = |family: &generated::Family| {
-        let names = (0..family.count).map(|number| generated::name(family.name, number));
-        let objects = names.filter_map(|name| generated::generate(&name)).collect();
-        FamilyObjects { name: family.name, usage: usage(family.is_held_out), objects }
+        let objects = family.names().filter_map(|name| generated::generate(&name)).collect();
+        FamilyObjects { name: family.name, usage: family.usage(), objects }
     };
     FAMILIES.iter().map(family).collect()
-}
-
-fn usage(is_held_out: bool) -> &'static str {
-    if is_held_out { "held out" } else { "train" }
 }
 
 fn cell(object: &Object) -> Canvas {

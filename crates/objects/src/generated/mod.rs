@@ -43,8 +43,8 @@ const MAX_SIDES: usize = 5;
 const MIN_TIP_ANGLE_TAN: f64 = 0.2;
 /// Max number of drafts of an object until one has an accepted size.
 const MAX_DRAFTS: usize = 200;
-/// Accepted heights (m) of an object at rest: above the lowest height at which fingers can pinch, and below
-/// the camera's view of the workspace.
+/// Accepted heights (m) of an object at rest: above the lowest height at which fingers can pinch, and within
+/// the camera's view.
 const HEIGHT_RANGE: [f32; 2] = [0.010, 0.28];
 /// Max horizontal extent (m).
 const MAX_WIDTH: f32 = 0.34;
@@ -116,7 +116,7 @@ mod tests {
 
     /// Names of all objects that training and evaluation use.
     fn all_names() -> Vec<String> {
-        FAMILIES.iter().flat_map(|f| (0..f.count).map(|k| name(f.name, k))).collect()
+        FAMILIES.iter().flat_map(Family::names).collect()
     }
 
     #[test]
@@ -150,8 +150,7 @@ mod tests {
     fn sets_have_the_documented_composition() {
         let objects = |is_held_out: bool| -> Vec<Object> {
             let families = FAMILIES.iter().filter(|family| family.is_held_out == is_held_out);
-            let names = families.flat_map(|f| (0..f.count).map(|k| name(f.name, k)));
-            names.map(|name| generate(&name).unwrap()).collect()
+            families.flat_map(Family::names).map(|name| generate(&name).unwrap()).collect()
         };
         let training = objects(false);
         assert!(training.len() >= 400, "{} training objects", training.len());

@@ -28,6 +28,19 @@ pub struct Family {
     pub(super) draw: fn(&mut Draw) -> Draft,
 }
 
+impl Family {
+    /// Names of the objects used by training or evaluation.
+    pub fn names(&self) -> impl Iterator<Item = String> + use<> {
+        let name = self.name;
+        (0..self.count).map(move |number| super::name(name, number))
+    }
+
+    /// Use of the family's objects, as text.
+    pub fn usage(&self) -> &'static str {
+        if self.is_held_out { "held out" } else { "train" }
+    }
+}
+
 const fn training(name: &'static str, draw: fn(&mut Draw) -> Draft) -> Family {
     Family { name, is_held_out: false, count: 24, draw }
 }
