@@ -34,7 +34,12 @@ fn tiny_model_is_trained_resumed_and_executed() {
     let other = datagen::create(&data, &other, &objects, false);
     assert!(other.err().unwrap().to_string().contains("another configuration"));
 
-    let steps = AutoencoderConfig { steps: 4, batch: 4, ..AutoencoderConfig::standard() };
+    let steps = AutoencoderConfig {
+        steps: 4,
+        batch: 4,
+        grasp_weight: 0.5,
+        ..AutoencoderConfig::standard()
+    };
     autoencoder::train(&dataset, &steps, &out, &mut |_: &TrainingStatus| Ok(true)).unwrap();
     let encoder = TrainedEncoder::load(&out).unwrap();
     let (train, held_out) =

@@ -2,6 +2,7 @@
 
 /// Hyperparameters of autoencoder training. The two losses are the paper's; the values are ours.
 #[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct AutoencoderConfig {
     /// Number of optimiser steps.
     pub steps: u64,
@@ -15,6 +16,9 @@ pub struct AutoencoderConfig {
     pub latent_weight: f64,
     /// Weight of the loss on the shape moments, predicted linearly from z.
     pub moment_weight: f64,
+    /// Weight of the loss on the points of the hand in the preferred grasp, predicted linearly from z. With 0, clouds
+    /// of demonstrated poses are not used.
+    pub grasp_weight: f64,
     /// Steps between checkpoints.
     pub checkpoint_every: u64,
     /// Seed of initial weights and batches.
@@ -33,6 +37,7 @@ impl AutoencoderConfig {
             learning_rate: 1e-3,
             latent_weight: 1e-4,
             moment_weight: 0.5,
+            grasp_weight: 0.0,
             checkpoint_every: 500,
             seed: 0,
         }

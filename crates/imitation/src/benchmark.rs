@@ -2,7 +2,6 @@
 //! contains the expert, the fingertip loss and the rollout; they are excluded here and in the PyTorch
 //! baseline.
 
-use crate::data::shape_moments::NUM_MOMENTS;
 use crate::nn::Params;
 use crate::nn::adam::AdamW;
 use crate::nn::networks::autoencoder as net;
@@ -15,6 +14,7 @@ use anyhow::{Context, Result};
 use candle_core::{Device, Tensor};
 use configs::{AutoencoderConfig, DaggerConfig};
 use evaluation::percentiles::median;
+use objects::shape_moments::NUM_MOMENTS;
 use policy::LATENT_DIM;
 use policy::PolicyConfig;
 use policy::encoder::CLOUD_POINTS;

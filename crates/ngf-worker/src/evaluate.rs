@@ -8,8 +8,9 @@ use crate::train::parse_positive;
 use anyhow::{Context, Result, bail};
 use evaluation::EvaluationReport;
 use files::atomic_file;
-use objects::catalog::{CATALOG, CatalogEntry, entries_of_family};
+use objects::catalog::{family_names, objects_of_family};
 use objects::object::Object;
+use objects::shape_class::ShapeClass;
 use policy::model::{CONFIG_FILE, STARTS_FILE, WEIGHTS_FILE};
 use rollout::{Controller, RolloutContext};
 use std::collections::BTreeSet;
@@ -25,7 +26,8 @@ pub(crate) struct Options {
     model: String,
     #[command(flatten)]
     object: ObjectOptions,
-    /// Evaluate every built-in object of these families, with sums, instead of one object
+    /// Evaluate every object of these families, built-in or generated, instead of one object; with sums over families
+    /// and shape classes
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     #[arg(conflicts_with_all = ["object", "mesh", "friction"])]
     family: Vec<String>,
@@ -110,7 +112,7 @@ pub(crate) fn run(options: &Options) -> Result<()> {
             reports.push(report);
         }
     }
-    print_sums(options, &reports);
+    print_sums(options, &objects, &reports);
     if let Some(path) = &options.json {
         atomic_file::write(path, &serde_json::to_vec_pretty(&reports)?)?;
     }
@@ -131,15 +133,14 @@ fn select_objects(options: &Options, context: &RolloutContext) -> Result<Vec<Sel
     if options.family.is_empty() {
         return Ok(vec![options.object.load_with(&|poses| context.most_familiar(poses))?]);
     }
-    let families: BTreeSet<&str> = CATALOG.iter().map(|entry| entry.family).collect();
-    if let Some(unknown) = options.family.iter().find(|name| !families.contains(name.as_str())) {
-        let families: Vec<&str> = families.into_iter().collect();
+    let families = family_names();
+    if let Some(unknown) = options.family.iter().find(|name| !families.contains(&name.as_str())) {
         bail!("no family named {unknown}; known families: {}", families.join(", "));
     }
     // Duplicate family names count once.
     let requested: BTreeSet<&String> = options.family.iter().collect();
-    let entries = requested.into_iter().flat_map(|family| entries_of_family(family));
-    entries.map(|entry: &CatalogEntry| SelectedObject::built_in(entry.name)).collect()
+    let names = requested.into_iter().flat_map(|family| objects_of_family(family));
+    names.map(|name| SelectedObject::built_in(&name)).collect()
 }
 
 /// The controller and its controls on an object: label, controller, and the object with its friction.
@@ -179,9 +180,9 @@ fn parse_pose(options: &Options) -> Result<Option<[f32; 3]>> {
     })
 }
 
-/// Prints the sum of each family for each controller, and the sum of all families. The interval is clustered
-/// by object.
-fn print_sums(options: &Options, reports: &[EvaluationReport]) {
+/// Prints the sums of each family and each shape class for each controller, and the sum of all families. The interval
+/// is clustered by object.
+fn print_sums(options: &Options, objects: &[SelectedObject], reports: &[EvaluationReport]) {
     let labels: BTreeSet<&str> = reports.iter().map(|report| report.policy.as_str()).collect();
     let sum = |label: &str, of: &str, is_in: &dyn Fn(&str) -> bool| {
         let counted = reports.iter().filter(|r| r.policy == label && is_in(&r.object));
@@ -195,10 +196,20 @@ fn print_sums(options: &Options, reports: &[EvaluationReport]) {
     };
     for label in labels {
         for family in options.family.iter().collect::<BTreeSet<_>>() {
-            let is_in = |name: &str| entries_of_family(family).any(|entry| entry.name == name);
-            sum(label, family, &is_in);
+            let names = objects_of_family(family);
+            sum(label, family, &|name| names.iter().any(|other| other == name));
         }
         if options.family.len() > 1 {
+            for class in ShapeClass::ALL {
+                let members: Vec<&str> = objects
+                    .iter()
+                    .filter(|selected| class.contains(&selected.object))
+                    .map(|selected| selected.name.as_str())
+                    .collect();
+                if !members.is_empty() {
+                    sum(label, class.name(), &|name| members.contains(&name));
+                }
+            }
             sum(label, "all", &|_| true);
         }
     }

@@ -19,7 +19,7 @@ const STOPPED: &str = "training was stopped before it finished";
 #[derive(clap::Subcommand)]
 pub(crate) enum Options {
     /// Train the autoencoder on the point clouds of a dataset
-    Encoder(TrainArgs),
+    Encoder(encoder::Options),
     /// Train a policy on the demonstrations of a dataset, with the encoder in the output folder
     Policy(policy::Options),
     /// Train a start network, which replaces the start table of a model

@@ -71,6 +71,22 @@ pub fn entries_of_family(family: &str) -> impl Iterator<Item = &'static CatalogE
     CATALOG.iter().filter(move |entry| entry.family == family)
 }
 
+/// Names of all families, those of generated objects last.
+pub fn family_names() -> Vec<&'static str> {
+    let mut names: Vec<&str> = CATALOG.iter().map(|entry| entry.family).collect();
+    names.sort_unstable();
+    names.dedup();
+    names.extend(generated::FAMILIES.iter().map(|family| family.name));
+    names
+}
+
+/// Names of the objects of a built-in family, or of the generated objects of a family that training or evaluation use.
+pub fn objects_of_family(family: &str) -> Vec<String> {
+    let built_in = entries_of_family(family).map(|entry| entry.name.to_owned());
+    let generated = generated::FAMILIES.iter().filter(|entry| entry.name == family);
+    built_in.chain(generated.flat_map(generated::Family::names)).collect()
+}
+
 impl Object {
     /// Builds the catalogue object `name`, its k-th shape variant for `name.k` (k >= 1), or the generated object
     /// for `FAMILY-NUMBER` ([`generated`]).

@@ -11,6 +11,8 @@ pub mod object;
 mod object_bytes;
 mod orientation;
 mod resting_pose;
+pub mod shape_class;
+pub mod shape_moments;
 pub mod shape_variant;
 pub mod solid;
 pub mod symmetry;

@@ -7,6 +7,7 @@ use crate::train::expert::DemoTrajectories;
 use anyhow::Result;
 use dataset::Dataset;
 use policy::{Observation, ObservationKind};
+use rayon::prelude::*;
 use rollout::DemonstrationLibrary;
 use std::sync::Arc;
 
@@ -24,35 +25,50 @@ pub fn train_val_split(
     observation: ObservationKind,
     max_poses: usize,
 ) -> Result<(Vec<DemoGroup>, Vec<DemoGroup>)> {
-    let (mut train, mut held_out) = (Vec::new(), Vec::new());
-    for (object, name) in dataset.config.objects.iter().enumerate() {
-        let name: Arc<str> = name.as_str().into();
-        for (index, record) in dataset.read_poses(object)?.into_iter().enumerate() {
-            let is_skipped = index >= max_poses && !is_held_out(index);
-            if is_skipped || record.offsets.len() < 2 {
-                continue;
-            }
-            let encodings = encoder.observe(observation, &record.clouds)?;
-            let grasps =
-                DemoTrajectories::new(record.states, record.offsets).group_by_final_posture();
-            let per_turn =
-                encodings.chunks_exact((encodings.len() / record.azimuths.len().max(1)).max(1));
-            for (turn, encodings) in record.azimuths.iter().zip(per_turn) {
-                let groups = if is_held_out(index) { &mut held_out } else { &mut train };
-                groups.extend(grasps.iter().map(|grasp| DemoGroup {
-                    object: name.clone(),
-                    pose: object * dataset.config.poses + index,
-                    demonstrations: grasp.rotated(*turn),
-                    encodings: encodings.to_vec(),
-                    has_starts: *turn == 0.0,
-                    neighbor_starts: Vec::new(),
-                }));
-            }
-        }
-    }
+    let objects = (0..dataset.config.objects.len()).into_par_iter();
+    let by_object = objects
+        .map(|object| split_object(dataset, encoder, observation, max_poses, object))
+        .collect::<Result<Vec<_>>>()?;
+    let (train, held_out): (Vec<_>, Vec<_>) = by_object.into_iter().unzip();
+    let [mut train, mut held_out] =
+        [train, held_out].map(|groups| groups.into_iter().flatten().collect::<Vec<DemoGroup>>());
     let starts = demo_group::collect_starts(&train);
     demo_group::link_neighbor_starts(&mut train, &starts);
     demo_group::link_neighbor_starts(&mut held_out, &starts);
+    Ok((train, held_out))
+}
+
+/// Training and held-out groups of one object, by its index.
+fn split_object(
+    dataset: &Dataset,
+    encoder: &TrainedEncoder,
+    observation: ObservationKind,
+    max_poses: usize,
+    object: usize,
+) -> Result<(Vec<DemoGroup>, Vec<DemoGroup>)> {
+    let name: Arc<str> = dataset.config.objects[object].as_str().into();
+    let (mut train, mut held_out) = (Vec::new(), Vec::new());
+    for (index, record) in dataset.read_poses(object)?.into_iter().enumerate() {
+        let is_skipped = index >= max_poses && !is_held_out(index);
+        if is_skipped || record.offsets.len() < 2 {
+            continue;
+        }
+        let encodings = encoder.observe(observation, &record.clouds)?;
+        let grasps = DemoTrajectories::new(record.states, record.offsets).group_by_final_posture();
+        let per_turn =
+            encodings.chunks_exact((encodings.len() / record.azimuths.len().max(1)).max(1));
+        for (turn, encodings) in record.azimuths.iter().zip(per_turn) {
+            let groups = if is_held_out(index) { &mut held_out } else { &mut train };
+            groups.extend(grasps.iter().map(|grasp| DemoGroup {
+                object: name.clone(),
+                pose: object * dataset.config.poses + index,
+                demonstrations: grasp.rotated(*turn),
+                encodings: encodings.to_vec(),
+                has_starts: *turn == 0.0,
+                neighbor_starts: Vec::new(),
+            }));
+        }
+    }
     Ok((train, held_out))
 }
 

@@ -1,7 +1,7 @@
 //! Training of the autoencoder (encoder and decoder): Chamfer distance plus mean square of z (paper §III-D),
 //! plus shape moments of the whole object.
 
-use crate::data::shape_moments::{NUM_MOMENTS, Standardizer, moments};
+use crate::data::grasp_points::{GRASP_DIM, grasp_views};
 use crate::nn::Params;
 use crate::nn::networks::autoencoder as net;
 use crate::nn::ops::chamfer::Chamfer;
@@ -14,10 +14,13 @@ use configs::AutoencoderConfig;
 use dataset::Dataset;
 use files::{atomic_file, tensors};
 use nalgebra::DMatrix;
+use objects::shape_moments::{NUM_MOMENTS, Standardizer, moments};
 use policy::LATENT_DIM;
 use policy::Whitening;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+use robot::KinematicTree;
 use std::path::Path;
 
 /// A training example: a cloud in the canonical frame, and the shape moments of the whole object in that
@@ -30,27 +33,42 @@ pub struct Example {
     neighborhoods: Vec<net::Neighborhood>,
     /// Standardised shape moments.
     moments: [f32; NUM_MOMENTS],
+    /// Points of the hand in the preferred grasp ([`crate::data::grasp_points::grasp_points`]); `None` at random poses.
+    grasp: Option<[f32; GRASP_DIM]>,
 }
 
 impl Example {
     /// `cloud`: 512 x 3 (m, canonical frame). `moments`: standardised shape moments in that frame.
     pub fn new(cloud: Vec<f32>, moments: [f32; NUM_MOMENTS]) -> Self {
-        Self { neighborhoods: net::neighborhoods_of(&cloud), cloud, moments }
+        Self { neighborhoods: net::neighborhoods_of(&cloud), cloud, moments, grasp: None }
     }
 }
 
-/// The encoder samples of a dataset as training examples.
-fn examples(dataset: &Dataset) -> Result<Vec<Example>> {
+/// The encoder samples of a dataset as training examples and, with a weight, the clouds of demonstrated poses.
+fn examples(dataset: &Dataset, config: &AutoencoderConfig) -> Result<Vec<Example>> {
     let surfaces = dataset.surfaces()?;
     let (mut clouds, mut raw) = (Vec::new(), Vec::new());
     for view in dataset.encoder_samples()? {
         let (azimuth, cloud) = canonicalize(&view.cloud);
         raw.push(moments(&surfaces[view.object], canonical_pose(view.pose, azimuth)));
-        clouds.push(cloud);
+        clouds.push((cloud, None));
     }
     let standardizer = Standardizer::fit(&raw);
-    let example = |(cloud, raw): (Vec<f32>, &_)| Example::new(cloud, standardizer.apply(raw));
-    Ok(clouds.into_iter().zip(&raw).map(example).collect())
+    if config.grasp_weight > 0.0 {
+        let names = &dataset.config.encoder_objects;
+        for view in grasp_views(dataset, &KinematicTree::iiwa7_allegro()?)? {
+            let name = &dataset.config.objects[view.object];
+            // Surfaces are those of the encoder's objects.
+            let Some(object) = names.iter().position(|other| other == name) else { continue };
+            raw.push(moments(&surfaces[object], view.pose));
+            clouds.push((view.cloud, Some(view.grasp)));
+        }
+    }
+    let example = |((cloud, grasp), raw): ((Vec<f32>, _), &_)| Example {
+        grasp,
+        ..Example::new(cloud, standardizer.apply(raw))
+    };
+    Ok(clouds.into_par_iter().zip(&raw).map(example).collect())
 }
 
 /// Object pose x, y (m), yaw (rad) in the canonical frame, for an object at the given azimuth (rad).
@@ -77,7 +95,7 @@ pub fn train(
     out: &Path,
     watcher: &mut dyn TrainingCallback,
 ) -> Result<bool> {
-    let examples = examples(dataset)?;
+    let examples = examples(dataset, config)?;
     if examples.is_empty() {
         bail!("the dataset has no clouds for encoder training; generate it with encoder objects");
     }
@@ -85,6 +103,7 @@ pub fn train(
     let mut params = Params::default();
     net::init(&mut params, &mut rng)?;
     net::init_moments(&mut params, &mut rng)?;
+    net::init_grasp(&mut params, &mut rng)?;
     let trainer = SupervisedTrainer {
         steps: config.steps,
         batch: config.batch,
@@ -127,9 +146,35 @@ pub fn loss(
     let target = Tensor::from_vec(target, (examples.len(), NUM_MOMENTS), &Device::Cpu)?;
     let error = (net::moments(params, &z)? - target)?.sqr()?.mean_all()?;
     let moments = (error * config.moment_weight)?;
-    let gradient = Gradient::compute(&((&chamfer + latent)? + moments)?, params)?;
+    let mut loss = ((&chamfer + latent)? + moments)?;
+    if let Some(distance) = grasp_distance(params, &z, examples)? {
+        loss = (loss + (distance * config.grasp_weight)?)?;
+    }
+    let gradient = Gradient::compute(&loss, params)?;
     Ok(Gradient { loss: chamfer.to_scalar::<f32>()?, ..gradient })
 }
+
+/// Mean distance of the predicted points of the hand from those of the preferred grasp (workspace units), over all
+/// examples; those without a grasp count as 0. `None` if there are none.
+///
+/// The distance instead of its square: of two grasps at similar poses, the more frequent one is learned, not their mean.
+fn grasp_distance(params: &Params, z: &Tensor, examples: &[&Example]) -> Result<Option<Tensor>> {
+    let rows: Vec<u32> =
+        (0..examples.len()).filter(|&i| examples[i].grasp.is_some()).map(|i| i as u32).collect();
+    if rows.is_empty() {
+        return Ok(None);
+    }
+    let target: Vec<f32> = examples.iter().filter_map(|example| example.grasp).flatten().collect();
+    let (count, points) = (rows.len(), GRASP_DIM / 3);
+    let target = Tensor::from_vec(target, (count, points, 3), &Device::Cpu)?;
+    let z = z.index_select(&Tensor::from_vec(rows, count, &Device::Cpu)?, 0)?;
+    let error = (net::grasp(params, &z)?.reshape((count, points, 3))? - target)?;
+    let distance = (error.sqr()?.sum(2)? + MIN_SQUARED_DISTANCE)?.sqrt()?;
+    Ok(Some((distance.mean(1)?.sum_all()? / examples.len() as f64)?))
+}
+
+/// Keeps the gradient of a distance finite at 0.
+const MIN_SQUARED_DISTANCE: f64 = 1e-6;
 
 /// The azimuth (rad) of a cloud (m, base frame), and the cloud rotated into the canonical frame.
 pub fn canonicalize(cloud: &[f32]) -> (f64, Vec<f32>) {
@@ -139,12 +184,11 @@ pub fn canonicalize(cloud: &[f32]) -> (f64, Vec<f32>) {
 
 /// Raw z, before whitening, of clouds in the canonical frame.
 pub fn encode_all(params: &Params, clouds: &[Vec<f32>]) -> Result<Vec<Vec<f32>>> {
-    let mut latents = Vec::with_capacity(clouds.len());
-    for batch in clouds.chunks(32) {
+    let encode = |batch: &[Vec<f32>]| {
         let batch: Vec<&[f32]> = batch.iter().map(Vec::as_slice).collect();
-        latents.extend(net::encode(params, &batch)?.to_vec2::<f32>()?);
-    }
-    Ok(latents)
+        Ok(net::encode(params, &batch)?.to_vec2::<f32>()?)
+    };
+    Ok(clouds.par_chunks(32).map(encode).collect::<Result<Vec<_>>>()?.concat())
 }
 
 /// Mean, principal axes and standard deviations of a set of raw z.
@@ -171,6 +215,33 @@ pub fn fit_whitening(latents: &[Vec<f32>]) -> Whitening {
 mod tests {
     use super::*;
     use rand::RngExt;
+
+    #[test]
+    fn grasp_distance_is_the_mean_over_points_and_examples() {
+        let mut params = Params::default();
+        net::init_grasp(&mut params, &mut ChaCha8Rng::seed_from_u64(1)).unwrap();
+        let z = Tensor::from_vec(vec![0.3f32; 2 * LATENT_DIM], (2, LATENT_DIM), &Device::Cpu);
+        let z = z.unwrap();
+        let mut grasp = [0.0; GRASP_DIM];
+        let predicted = net::grasp(&params, &z).unwrap().to_vec2::<f32>().unwrap();
+        grasp.copy_from_slice(&predicted[0]);
+        // Each point is off by 3 along x and 4 along z.
+        for point in grasp.chunks_exact_mut(3) {
+            point[0] += 3.0;
+            point[2] -= 4.0;
+        }
+        let cloud = || vec![0.5; 3 * policy::encoder::CLOUD_POINTS];
+        let at_random = Example::new(cloud(), [0.0; NUM_MOMENTS]);
+        let demonstrated = Example { grasp: Some(grasp), ..at_random.clone() };
+        let distance = |examples: &[&Example]| {
+            let found = grasp_distance(&params, &z, examples).unwrap();
+            found.map(|found| found.to_scalar::<f32>().unwrap())
+        };
+        assert_eq!(distance(&[&at_random, &at_random]), None);
+        let [one, both] = [[&at_random, &demonstrated], [&demonstrated, &demonstrated]]
+            .map(|examples| distance(&examples).unwrap());
+        assert!((one - 2.5).abs() < 1e-4 && (both - 5.0).abs() < 1e-4, "{one} {both}");
+    }
 
     #[test]
     fn whitened_latents_have_unit_covariance() {

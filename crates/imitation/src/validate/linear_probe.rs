@@ -22,6 +22,9 @@ pub struct ProbeErrors {
     pub yaw: Option<[f64; 2]>,
 }
 
+/// Max. number of frames per view.
+const MAX_LOOKS: usize = 4;
+
 /// Renders `views` random views of an object, fits a linear probe of the pose (canonical frame) on half of
 /// them, and evaluates it on the other half.
 pub fn linear_probe(
@@ -33,13 +36,18 @@ pub fn linear_probe(
 ) -> Result<ProbeErrors> {
     let sensor = DepthSensor::new(&robot.config, &robot.tree);
     let (mut clouds, mut poses) = (Vec::new(), Vec::new());
-    for _ in 0..views {
+    // The sensor does not see a thin object everywhere.
+    for _ in 0..MAX_LOOKS * views {
+        if clouds.len() == views {
+            break;
+        }
         let [x, y, yaw] = object_poses::sample_planar_pose(robot, rng);
         let frame = sensor.capture(&object.mesh, &robot.config.object_pose(x, y, yaw), rng);
-        clouds.push(
-            sensor.extract_cloud(&frame).iter().flat_map(|p| p.to_array()).collect::<Vec<f32>>(),
-        );
-        poses.push([x, y, yaw]);
+        let cloud = sensor.extract_cloud(&frame);
+        if !cloud.is_empty() {
+            clouds.push(cloud.iter().flat_map(|p| p.to_array()).collect::<Vec<f32>>());
+            poses.push([x, y, yaw]);
+        }
     }
     let encodings = encoder.encode(&clouds)?;
     let order = symmetry::symmetry_order(object);

@@ -37,6 +37,10 @@ pub fn reconstruction_figure(
             let [x, y, yaw] = object_poses::sample_planar_pose(robot, rng);
             let frame = sensor.capture(&object.mesh, &robot.config.object_pose(x, y, yaw), rng);
             let (_, cloud) = policy::observation::canonicalize(&sensor.extract_cloud(&frame));
+            // The panel stays empty where the sensor does not see a thin object.
+            if cloud.is_empty() {
+                continue;
+            }
             let decoded = encoder.reconstruct(&cloud)?;
             let left = 2.0 * view as f32 * PANEL;
             canvas.embed([left, top + 20.0], &panel(&cloud, &decoded, |d| [d.x, d.z]));

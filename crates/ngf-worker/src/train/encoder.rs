@@ -1,7 +1,7 @@
 //! Training of the autoencoder, and its validation.
 
 use super::log::TrainingLog;
-use super::{STOPPED, TrainArgs};
+use super::{STOPPED, TrainArgs, settings};
 use anyhow::{Result, bail};
 use configs::AutoencoderConfig;
 use dataset::Dataset;
@@ -17,8 +17,19 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use std::path::Path;
 
+/// Options of `ngf train encoder`.
+#[derive(clap::Args)]
+pub(crate) struct Options {
+    #[command(flatten)]
+    run: TrainArgs,
+    /// Set a hyperparameter, such as grasp_weight=0.5; see the configuration in the documentation
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
+}
+
 /// Trains and validates the autoencoder.
-pub(super) fn train(run: &TrainArgs) -> Result<()> {
+pub(super) fn train(options: &Options) -> Result<()> {
+    let run = &options.run;
     let mut config =
         AutoencoderConfig { threads: run.threads, seed: run.seed, ..AutoencoderConfig::standard() };
     config.steps = run.steps.unwrap_or(config.steps);
@@ -26,6 +37,7 @@ pub(super) fn train(run: &TrainArgs) -> Result<()> {
     config.learning_rate = run.lr.unwrap_or(config.learning_rate);
     config.checkpoint_every =
         run.checkpoint_every.map_or(config.checkpoint_every, |steps| steps as u64);
+    let config = settings::apply(&config, &options.set)?;
     let dataset = Dataset::open(&run.dataset)?;
     let mut log = TrainingLog::open(&run.out, "encoder", "chamfer", config.batch)?;
     if !autoencoder::train(&dataset, &config, &run.out, &mut log)? {
@@ -37,13 +49,18 @@ pub(super) fn train(run: &TrainArgs) -> Result<()> {
 /// Views per object for the linear probe of the pose.
 const PROBE_VIEWS: usize = 1000;
 
+/// Max. number of training objects that are drawn and probed, evenly spaced.
+const MAX_PROBED_OBJECTS: usize = 60;
+
 /// Draws reconstructed clouds, and measures how well a linear probe of z predicts the pose of each training
 /// object and of a held-out object.
 fn validate(out: &Path, names: &[String]) -> Result<()> {
     let (encoder, robot) = (TrainedEncoder::load(out)?, RobotContext::standard()?);
     let mut report = serde_json::Map::new();
     let is_variant = |name: &&str| name.contains('.');
-    let train = names.iter().map(String::as_str).filter(|name| !is_variant(name));
+    let train: Vec<&str> =
+        names.iter().map(String::as_str).filter(|name| !is_variant(name)).collect();
+    let train = train.iter().copied().step_by(train.len().div_ceil(MAX_PROBED_OBJECTS).max(1));
     let held_out = ["mustard"].into_iter().filter(|name| !names.iter().any(|train| train == name));
     // User meshes are not available here.
     let load_object = |name| Some((name, built_in_object(name).ok()?));

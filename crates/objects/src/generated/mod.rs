@@ -112,6 +112,7 @@ impl Draft {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::shape_class::ShapeClass;
     use std::collections::BTreeSet;
 
     /// Names of all objects that training and evaluation use.
@@ -158,24 +159,12 @@ mod tests {
         let share = |has: &dyn Fn(&Object) -> bool| {
             held_out.iter().filter(|object| has(object)).count() as f64 / held_out.len() as f64
         };
-        let is_low = |object: &Object| object.size().z < 0.05;
-        let is_long_or_wide = |object: &Object| {
-            let size = object.size();
-            size.x.max(size.y) > 0.16 || size.x.min(size.y) > 0.12
-        };
-        // A hollow object fills less than half of its hull.
-        let is_hollow = |object: &Object| {
-            let hull = mesh::convex_hull(&object.mesh.vertices, 256).unwrap();
-            let volume = |mesh| mesh::mass_properties(mesh, true).unwrap().volume;
-            volume(&object.mesh) < 0.5 * volume(&hull)
-        };
-        for (class, share, wanted) in [
-            ("low", share(&is_low), 0.3),
-            ("long or wide", share(&is_long_or_wide), 0.2),
-            ("hollow", share(&is_hollow), 0.2),
-        ] {
-            println!("{class}: {share:.2} of {}", held_out.len());
-            assert!(share >= wanted, "{class}: {share} of the held-out objects");
+        for (class, wanted) in
+            [(ShapeClass::Low, 0.3), (ShapeClass::LongOrWide, 0.2), (ShapeClass::Hollow, 0.2)]
+        {
+            let share = share(&|object| class.contains(object));
+            println!("{}: {share:.2} of {}", class.name(), held_out.len());
+            assert!(share >= wanted, "{}: {share} of the held-out objects", class.name());
         }
     }
 }

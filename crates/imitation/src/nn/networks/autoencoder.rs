@@ -1,11 +1,12 @@
 //! Batched autoencoder; counterpart of `policy::encoder`.
 
-use crate::data::shape_moments::NUM_MOMENTS;
+use crate::data::grasp_points::GRASP_DIM;
 use crate::nn::ops::linear_max_pool::LinearMaxPool;
 use crate::nn::{Params, linear, mlp};
 use anyhow::Result;
 use candle_core::{D, Device, Tensor};
 use geometry::Vec3;
+use objects::shape_moments::NUM_MOMENTS;
 use policy::LATENT_DIM;
 use policy::encoder::{
     CLOUD_POINTS, DECODER_WIDTHS, ENCODER_ACTIVATION, GLOBAL_WIDTHS, LOCAL_WIDTHS, NUM_CENTERS,
@@ -24,6 +25,11 @@ pub fn init(params: &mut Params, rng: &mut ChaCha8Rng) -> Result<()> {
 /// Adds random initial parameters of the linear moment layer, which is used only in training.
 pub fn init_moments(params: &mut Params, rng: &mut ChaCha8Rng) -> Result<()> {
     params.add_mlp("moments", &[LATENT_DIM, NUM_MOMENTS], 1.0, rng)
+}
+
+/// Adds random initial parameters of the linear grasp layer, which is used only in training.
+pub fn init_grasp(params: &mut Params, rng: &mut ChaCha8Rng) -> Result<()> {
+    params.add_mlp("grasp", &[LATENT_DIM, GRASP_DIM], 1.0, rng)
 }
 
 /// Converts a flat cloud (x, y, z per point) to points.
@@ -93,6 +99,11 @@ pub fn decode(params: &Params, z: &Tensor) -> Result<Tensor> {
 /// Standardised shape moments predicted linearly from raw `z`, shape (B, NUM_MOMENTS).
 pub fn moments(params: &Params, z: &Tensor) -> Result<Tensor> {
     Ok(mlp(z, params, "moments", 1, ENCODER_ACTIVATION)?)
+}
+
+/// Points of the hand in the preferred grasp predicted linearly from raw `z`, in workspace units, shape (B, GRASP_DIM).
+pub fn grasp(params: &Params, z: &Tensor) -> Result<Tensor> {
+    Ok(mlp(z, params, "grasp", 1, ENCODER_ACTIVATION)?)
 }
 
 /// Reconstruction targets of [`decode`]: the clouds in workspace units, shape (B, CLOUD_POINTS, 3).

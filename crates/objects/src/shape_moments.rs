@@ -1,4 +1,4 @@
-//! Shape moments of the whole object surface, an auxiliary training target of z.
+//! Shape moments of the whole object surface: an auxiliary training target of z, and a measure of similar shapes.
 //!
 //! *Departure: the paper's autoencoder only reconstructs the cloud. The Chamfer distance is nearly
 //! insensitive to yaw: a rotation by 0.1 rad moves the points of a bottle by less than their spacing. The
@@ -90,8 +90,8 @@ impl Standardizer {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Object;
     use geometry::surface_sampling;
-    use objects::object::Object;
 
     fn of(name: &str, yaw: f32) -> [f32; NUM_MOMENTS] {
         let surface =
