@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "test helpers fail by panicking")]
 
 mod candle_parity;
+mod consistent_grasps;
 mod controls;
 mod demonstration_quality;
 mod demonstration_replay;

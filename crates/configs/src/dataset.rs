@@ -39,6 +39,10 @@ pub struct DatasetConfig {
     /// Whether to record the same number of demonstrations with each grasp that is preferred at a neighboring
     /// pose. At poses near a change of the preferred grasp, both grasps are then demonstrated.
     pub overlap_grasps: bool,
+    /// Whether the preferred grasp of a pose agrees with those of similar objects at similar poses. Otherwise it
+    /// is the first reachable one of the object.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub consistent_grasps: bool,
     /// Demonstrations per pose that are also replayed with a hold of 2 s and shaken, independent of the outcome
     /// of their first replay.
     pub num_shaken_replays: usize,
@@ -117,6 +121,7 @@ impl DatasetConfig {
             poses: 24,
             trajectories: 32,
             overlap_grasps: false,
+            consistent_grasps: false,
             num_shaken_replays: 4,
             num_perturbed_replays: 1,
             num_azimuths: 4,
@@ -197,6 +202,7 @@ impl DatasetConfig {
                     poses: 10,
                     trajectories: 2,
                     overlap_grasps: true,
+                    consistent_grasps: true,
                     num_shaken_replays: 0,
                     num_perturbed_replays: 0,
                     num_azimuths: 8,

@@ -1,7 +1,7 @@
 //! Point clouds of objects from the simulated depth sensor, with and without noise.
 
 use crate::poses::sample_azimuth;
-use anyhow::{Result, ensure};
+use anyhow::{Context, Result};
 use dataset::planar_pose::rotate_pose;
 use dataset::shard::{CLOUD_POINTS, PoseShard};
 use files::tensors;
@@ -12,6 +12,9 @@ use objects::object::Object;
 use rand::Rng;
 use scene::depth_camera::DepthImage;
 use scene::depth_sensor::DepthSensor;
+
+/// Max. number of random poses or azimuths, until the sensor sees the object.
+const MAX_LOOKS: usize = 16;
 
 /// Renders point clouds with the depth sensor of the scene.
 pub(crate) struct CloudRenderer<'a> {
@@ -24,29 +27,60 @@ impl<'a> CloudRenderer<'a> {
         Self { robot, sensor: DepthSensor::new(&robot.config, &robot.tree) }
     }
 
-    /// Samples azimuths for an object pose and adds the clouds at each of them to `shard`.
+    /// Samples azimuths for an object pose and adds the clouds at each of them to `shard`. Returns whether the sensor
+    /// sees the object at the pose; a thin rod may be too far away. Otherwise all clouds are zero.
     pub(crate) fn render_azimuths(
         &self,
         object: &Object,
         [turns, clouds]: [usize; 2],
         shard: &mut PoseShard,
         rng: &mut impl Rng,
-    ) -> Result<()> {
-        shard.azimuths = std::iter::once(0.0)
-            .chain((1..turns).map(|_| sample_azimuth(self.robot, shard.pose, rng)))
+    ) -> bool {
+        let pose = shard.pose;
+        let azimuths: Vec<f32> = std::iter::once(0.0)
+            .chain((1..turns).map(|_| sample_azimuth(self.robot, pose, rng)))
             .collect();
-        for turn in &shard.azimuths {
-            let pose = rotate_pose(shard.pose, *turn);
-            shard.clean.extend(self.render_clean(object, pose)?);
-            for _ in 0..clouds {
-                shard.noisy.extend(self.render_noisy(object, pose, rng)?);
-            }
+        let Some(first) = self.render_views(object, pose, clouds, rng) else {
+            shard.azimuths = vec![0.0; turns];
+            shard.clean = vec![0.0; turns * 3 * CLOUD_POINTS];
+            shard.noisy = vec![0.0; turns * clouds * 3 * CLOUD_POINTS];
+            return false;
+        };
+        let mut all = vec![(0.0, first.clone())];
+        for mut turn in azimuths.into_iter().skip(1) {
+            let visible = (0..MAX_LOOKS).find_map(|look| {
+                if look > 0 {
+                    turn = sample_azimuth(self.robot, pose, rng);
+                }
+                let views = self.render_views(object, rotate_pose(pose, turn), clouds, rng)?;
+                Some((turn, views))
+            });
+            all.push(visible.unwrap_or_else(|| (0.0, first.clone())));
         }
-        Ok(())
+        for (turn, [clean, noisy]) in all {
+            shard.azimuths.push(turn);
+            shard.clean.extend(clean);
+            shard.noisy.extend(noisy);
+        }
+        true
     }
 
-    /// Encodes `count` clouds of an object at random poses on the table, the training data of the encoder:
-    /// noisy clouds, clean clouds, and the poses x, y (m), yaw (rad).
+    /// The clean cloud and the noisy clouds at a pose. `None` if the sensor does not see the object in one of them.
+    fn render_views(
+        &self,
+        object: &Object,
+        pose: [f32; 3],
+        count: usize,
+        rng: &mut impl Rng,
+    ) -> Option<[Vec<f32>; 2]> {
+        let clean = self.render_clean(object, pose)?;
+        let noisy: Option<Vec<_>> =
+            (0..count).map(|_| self.render_noisy(object, pose, rng)).collect();
+        Some([clean, noisy?.concat()])
+    }
+
+    /// Encodes `count` clouds of an object at random poses on the table where the sensor sees it, the training data of
+    /// the encoder: noisy clouds, clean clouds, and the poses x, y (m), yaw (rad).
     pub(crate) fn render_random_poses(
         &self,
         object: &Object,
@@ -55,10 +89,19 @@ impl<'a> CloudRenderer<'a> {
     ) -> Result<Vec<u8>> {
         let (mut noisy, mut clean, mut poses) = (vec![], vec![], vec![]);
         for _ in 0..count {
-            let pose = object_poses::sample_planar_pose(self.robot, rng);
+            let view = (0..MAX_LOOKS).find_map(|_| {
+                let pose = object_poses::sample_planar_pose(self.robot, rng);
+                Some((pose, self.render_views(object, pose, 1, rng)?))
+            });
+            let (pose, [clean_view, noisy_view]) = view.with_context(|| {
+                format!(
+                    "the depth sensor does not see {} at {MAX_LOOKS} random poses; the object may be too small",
+                    object.name
+                )
+            })?;
             poses.extend(pose);
-            clean.extend(self.render_clean(object, pose)?);
-            noisy.extend(self.render_noisy(object, pose, rng)?);
+            clean.extend(clean_view);
+            noisy.extend(noisy_view);
         }
         tensors::encode(
             &[
@@ -70,9 +113,8 @@ impl<'a> CloudRenderer<'a> {
         )
     }
 
-    fn render_clean(&self, object: &Object, pose: [f32; 3]) -> Result<Vec<f32>> {
-        let frame = self.sensor.render(&object.mesh, &self.object_pose(pose));
-        self.extract_cloud(object, pose, &frame)
+    fn render_clean(&self, object: &Object, pose: [f32; 3]) -> Option<Vec<f32>> {
+        self.extract_cloud(&self.sensor.render(&object.mesh, &self.object_pose(pose)))
     }
 
     fn render_noisy(
@@ -80,28 +122,18 @@ impl<'a> CloudRenderer<'a> {
         object: &Object,
         pose: [f32; 3],
         rng: &mut impl Rng,
-    ) -> Result<Vec<f32>> {
-        let frame = self.sensor.capture(&object.mesh, &self.object_pose(pose), rng);
-        self.extract_cloud(object, pose, &frame)
+    ) -> Option<Vec<f32>> {
+        self.extract_cloud(&self.sensor.capture(&object.mesh, &self.object_pose(pose), rng))
     }
 
     fn object_pose(&self, [x, y, yaw]: [f32; 3]) -> Pose {
         self.robot.config.object_pose(x, y, yaw)
     }
 
-    /// Point cloud of one frame as a flat array of x, y, z.
-    fn extract_cloud(
-        &self,
-        object: &Object,
-        [x, y, _]: [f32; 3],
-        frame: &DepthImage,
-    ) -> Result<Vec<f32>> {
+    /// Point cloud of one frame as a flat array of x, y, z; `None` if it shows no object.
+    fn extract_cloud(&self, frame: &DepthImage) -> Option<Vec<f32>> {
         let cloud = self.sensor.extract_cloud(frame);
-        ensure!(
-            cloud.len() == CLOUD_POINTS,
-            "the depth sensor does not see {} at x {x}, y {y}; the object may be too small",
-            object.name
-        );
-        Ok(cloud.iter().flat_map(|p| p.to_array()).collect())
+        let is_complete = cloud.len() == CLOUD_POINTS;
+        is_complete.then(|| cloud.iter().flat_map(|p| p.to_array()).collect())
     }
 }

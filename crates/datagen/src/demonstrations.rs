@@ -1,5 +1,6 @@
 //! Demonstrations of one object pose: planned, reversed in time, and each replayed in physics.
 
+use crate::grasp_order::GraspOrder;
 use crate::poses::shared_pregrasp;
 use anyhow::{Context, Result, ensure};
 use configs::DatasetConfig;
@@ -18,6 +19,10 @@ use std::collections::BTreeSet;
 
 /// Failed trials after which the next grasp is tried.
 const MAX_FAILURES_PER_GRASP: usize = 3;
+
+/// Maximum number of grasps at a pose that are tried in the order of [`GraspOrder`]. Those after the first few are
+/// unlike the grasps of similar objects.
+const MAX_GRASPS_PER_POSE: usize = 8;
 
 /// Maximum number of trials at a pose, as a multiple of the demonstrations requested.
 const MAX_TRIALS_PER_DEMO: usize = 2;
@@ -44,6 +49,8 @@ pub(crate) struct PoseTask<'a> {
     pub(crate) config: &'a DatasetConfig,
     pub(crate) name: &'a str,
     pub(crate) grasps: &'a [Grasp],
+    /// Order of the grasps, with [`DatasetConfig::consistent_grasps`].
+    pub(crate) order: Option<&'a GraspOrder>,
     pub(crate) placed: PlacedObject<'a>,
     pub(crate) pose: [f32; 3],
     /// Index of the pose among the poses of the object.
@@ -59,7 +66,7 @@ impl PoseTask<'_> {
     pub(crate) fn demonstrate(&self, shard: &mut PoseShard) -> Result<()> {
         shard.offsets.push(0);
         let mut tried = BTreeSet::new();
-        for (way, posture) in self.placed.reachable(self.grasps) {
+        for (way, posture) in self.in_order() {
             tried.insert(way);
             if self.try_posture(way.grasp, &posture, shard)? > 0 {
                 shard.max_joint_jump = self.max_joint_jump(way, &posture);
@@ -67,7 +74,10 @@ impl PoseTask<'_> {
             }
         }
         if self.config.overlap_grasps {
-            let neighbors: BTreeSet<GraspBranch> = self.neighbor_branches().collect();
+            let neighbors: BTreeSet<GraspBranch> = match self.order {
+                Some(order) => order.of_neighbors.iter().copied().collect(),
+                None => self.neighbor_branches().collect(),
+            };
             for &way in neighbors.difference(&tried) {
                 if let Some(posture) = self.placed.plan_branch(way, self.grasps) {
                     self.try_posture(way.grasp, &posture, shard)?;
@@ -75,6 +85,17 @@ impl PoseTask<'_> {
             }
         }
         Ok(())
+    }
+
+    /// Reachable grasps, the preferred one first.
+    fn in_order(&self) -> Box<dyn Iterator<Item = (GraspBranch, Posture)> + '_> {
+        let plan = |way: &GraspBranch| Some((*way, self.placed.plan_branch(*way, self.grasps)?));
+        match self.order {
+            Some(order) => {
+                Box::new(order.preferred.iter().take(MAX_GRASPS_PER_POSE).filter_map(plan))
+            }
+            None => Box::new(self.placed.reachable(self.grasps)),
+        }
     }
 
     /// Branches that are preferred at the neighboring poses.
@@ -259,6 +280,7 @@ mod tests {
                 config: &config,
                 name: "bleach",
                 grasps: &grasps,
+                order: None,
                 placed: anywhere.at_pose(&robot.config.object_pose(pose[0], pose[1], pose[2])),
                 pose,
                 index: step,

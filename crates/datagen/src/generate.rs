@@ -5,6 +5,7 @@
 
 use crate::clouds::CloudRenderer;
 use crate::demonstrations::PoseTask;
+use crate::grasp_order::GraspOrder;
 use crate::poses::low_discrepancy_pose;
 use anyhow::{Context, Result, bail};
 use configs::DatasetConfig;
@@ -30,7 +31,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Surface points per object, enough for symmetric objects to have symmetric moments.
-const SURFACE_POINTS: usize = 4096;
+pub(crate) const SURFACE_POINTS: usize = 4096;
 
 /// Provenance of a dataset of these objects in the current scene.
 pub fn provenance(config: &DatasetConfig, objects: &Objects) -> Provenance {
@@ -58,11 +59,17 @@ pub fn generate(
 ) -> Result<Manifest> {
     if !dataset.dir.join(MANIFEST_FILE).exists() {
         let generator = Generator { dataset, robot, objects, progress };
-        generator.generate_grasps()?;
+        let orders = match dataset.config.consistent_grasps {
+            true => generator.generate_consistent_grasps()?,
+            false => {
+                generator.generate_grasps(|name| dataset.grasps_path(name))?;
+                Vec::new()
+            }
+        };
         generator.generate_surfaces()?;
         let renderer = CloudRenderer::new(robot);
         generator.generate_clouds(&renderer)?;
-        generator.generate_shards(&renderer)?;
+        generator.generate_shards(&renderer, &orders)?;
         generator.assemble()?;
     }
     dataset.delete_shards()?;
@@ -71,8 +78,11 @@ pub fn generate(
 
 /// Reads the grasps of an object.
 pub fn read_grasps(dataset: &Dataset, name: &str) -> Result<GraspSet> {
-    let path = dataset.grasps_path(name);
-    let bytes = atomic_file::read(&path)?;
+    read_grasp_file(&dataset.grasps_path(name))
+}
+
+pub(crate) fn read_grasp_file(path: &Path) -> Result<GraspSet> {
+    let bytes = atomic_file::read(path)?;
     serde_json::from_slice(&bytes).with_context(|| format!("{} is damaged", path.display()))
 }
 
@@ -85,10 +95,10 @@ pub(crate) struct Generator<'a> {
 }
 
 impl Generator<'_> {
-    /// Writes the grasps of every object.
-    fn generate_grasps(&self) -> Result<()> {
+    /// Writes the grasps of every object to `path`.
+    pub(crate) fn generate_grasps(&self, path: impl Fn(&str) -> PathBuf + Sync) -> Result<()> {
         let names = &self.dataset.config.objects;
-        let path = |i: usize| self.dataset.grasps_path(&names[i]);
+        let path = |i: usize| path(&names[i]);
         let stage = FileBatch::new("grasps", names.len(), self.progress, path);
         stage.write_bytes(|i| {
             let object = self.object(&names[i])?;
@@ -168,7 +178,7 @@ impl Generator<'_> {
     }
 
     /// Writes a shard with demonstrations, replays and clouds for every object pose.
-    fn generate_shards(&self, renderer: &CloudRenderer) -> Result<()> {
+    fn generate_shards(&self, renderer: &CloudRenderer, orders: &[GraspOrder]) -> Result<()> {
         let (names, poses) = (&self.dataset.config.objects, self.dataset.config.poses);
         let sets = names.iter().map(|name| read_grasps(self.dataset, name));
         let sets = sets.collect::<Result<Vec<_>>>()?;
@@ -177,35 +187,46 @@ impl Generator<'_> {
         let stage = FileBatch::new("object poses", poses * names.len(), self.progress, path);
         stage.write_bytes(|i| {
             let (object, index) = location(i);
-            let pose = low_discrepancy_pose(self.robot, object * poses + index);
-            self.generate_shard(renderer, &names[object], &sets[object], (index, pose))?.encode()
+            let order = orders.get(object * poses + index);
+            self.generate_shard(renderer, &sets[object], [object, index], order)?.encode()
         })
+    }
+
+    /// Pose x, y (m), yaw (rad) of an object, by the indices of both.
+    pub(crate) fn pose(&self, object: usize, index: usize) -> [f32; 3] {
+        low_discrepancy_pose(self.robot, object * self.dataset.config.poses + index)
     }
 
     fn generate_shard(
         &self,
         renderer: &CloudRenderer,
-        name: &str,
         set: &GraspSet,
-        (index, pose): (usize, [f32; 3]),
+        [object, index]: [usize; 2],
+        order: Option<&GraspOrder>,
     ) -> Result<PoseShard> {
         let (robot, config) = (self.robot, &self.dataset.config);
+        let (name, pose) = (config.objects[object].as_str(), self.pose(object, index));
         let object = self.object(name)?;
         let mut shard = PoseShard { pose, ..PoseShard::default() };
         let mut rng = self.rng("look", name, index);
         let counts = [config.num_azimuths, config.clouds];
-        renderer.render_azimuths(object, counts, &mut shard, &mut rng)?;
+        let is_visible = renderer.render_azimuths(object, counts, &mut shard, &mut rng);
         let [x, y, yaw] = pose;
         let task = PoseTask {
             config,
             name,
             grasps: &set.grasps,
+            order,
             placed: PlacedObject::new(robot, object, &robot.config.object_pose(x, y, yaw)),
             pose,
             index,
             rng: &|kind, index| self.rng(kind, name, index),
         };
-        task.demonstrate(&mut shard)?;
+        if is_visible {
+            task.demonstrate(&mut shard)?;
+        } else {
+            shard.offsets.push(0);
+        }
         Ok(shard)
     }
 

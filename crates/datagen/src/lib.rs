@@ -7,8 +7,11 @@ mod assemble;
 mod clouds;
 mod demonstrations;
 mod generate;
+mod grasp_options;
+mod grasp_order;
 pub mod poses;
 pub mod report;
+mod shared_grasps;
 mod summary;
 
 pub use generate::{create, generate, provenance, read_grasps};

@@ -271,6 +271,16 @@ impl Dataset {
         self.dir.join(SHARDS_DIR).join(name).join(format!("{index:05}.safetensors"))
     }
 
+    /// File of the grasps of an object after some rounds in which similar objects share grasps.
+    pub fn shared_grasps_path(&self, name: &str, rounds: usize) -> PathBuf {
+        self.dir.join(SHARDS_DIR).join(name).join(format!("grasps-{rounds}.json"))
+    }
+
+    /// File of the reachable grasps of all poses of an object after some rounds.
+    pub fn options_path(&self, name: &str, rounds: usize) -> PathBuf {
+        self.dir.join(SHARDS_DIR).join(name).join(format!("options-{rounds}.safetensors"))
+    }
+
     /// File of the grasps of an object.
     pub fn grasps_path(&self, name: &str) -> PathBuf {
         self.dir.join("grasps").join(format!("{name}.json"))

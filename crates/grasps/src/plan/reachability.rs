@@ -154,6 +154,15 @@ impl<'a> PlacedObject<'a> {
         (self.clearance(&posture.pregrasp, 0.05) >= MIN_CLEARANCE).then_some(posture)
     }
 
+    /// Plans a grasp of a set by its index, see [`PlacedObject::plan`].
+    pub fn plan_grasp(&self, grasp: usize, grasps: &[Grasp]) -> Option<(GraspBranch, Posture)> {
+        let mut nominals = self.robot.ik_seeds_facing(&self.world_from_object).enumerate();
+        nominals.find_map(|(ik_seed, nominal)| {
+            let posture = self.plan_from(&nominal, grasps.get(grasp)?)?;
+            Some((GraspBranch { ik_seed, grasp }, posture))
+        })
+    }
+
     /// Plans a grasp of a given branch; `None` if IK has no solution or the solution collides.
     pub fn plan_branch(&self, branch: GraspBranch, grasps: &[Grasp]) -> Option<Posture> {
         let nominal = self.robot.ik_seeds_facing(&self.world_from_object).nth(branch.ik_seed)?;

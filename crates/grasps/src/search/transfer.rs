@@ -40,18 +40,8 @@ pub fn transfer(
     config: &SearchConfig,
     seed: u64,
 ) -> Result<GraspSet, SceneError> {
-    let is_curated = set.is_curated();
     let tester = GraspTester::new(robot, object, config, seed);
-    let grasps = Vec::new();
-    let counts = GraspSet {
-        grasps,
-        num_candidates: 0,
-        num_closed: 0,
-        num_tried: 0,
-        num_lifted: 0,
-        num_robust: 0,
-    };
-    let mut tries = TransferSearch { tester, is_curated, counts };
+    let mut tries = TransferSearch::new(tester, set.is_curated());
     let mut found = Vec::new();
     for grasp in &set.grasps {
         let palm = transfer_palm(robot, from, variant, grasp);
@@ -67,6 +57,24 @@ pub fn transfer(
     Ok(GraspSet { grasps: found.into_iter().flatten().collect(), ..tries.counts })
 }
 
+/// Searches for robust grasps of `object` near palm poses (object frame). Each has the pregrasp posture of the grasp
+/// next to it, which may be one of another object. The grasps that are found are clusters in the order of the poses.
+pub fn adapt(
+    robot: &RobotContext,
+    object: &Object,
+    wanted: &[(Isometry, Grasp)],
+    config: &SearchConfig,
+    seed: u64,
+) -> Result<GraspSet, SceneError> {
+    let mut tries = TransferSearch::new(GraspTester::new(robot, object, config, seed), false);
+    let mut grasps = Vec::new();
+    for (palm, grasp) in wanted {
+        let cluster = grasps.len();
+        grasps.extend(tries.find_near(palm, &Grasp { cluster, ..grasp.clone() })?);
+    }
+    Ok(GraspSet { grasps, ..tries.counts })
+}
+
 /// A search for transferred grasps on one object, with its counts.
 struct TransferSearch<'a> {
     tester: GraspTester<'a>,
@@ -76,7 +84,20 @@ struct TransferSearch<'a> {
     counts: GraspSet,
 }
 
-impl TransferSearch<'_> {
+impl<'a> TransferSearch<'a> {
+    fn new(tester: GraspTester<'a>, is_curated: bool) -> Self {
+        let grasps = Vec::new();
+        let counts = GraspSet {
+            grasps,
+            num_candidates: 0,
+            num_closed: 0,
+            num_tried: 0,
+            num_lifted: 0,
+            num_robust: 0,
+        };
+        Self { tester, is_curated, counts }
+    }
+
     /// Searches for a grasp near the palm pose `palm`, with the pregrasp posture and the cluster of `grasp`.
     fn find_near(&mut self, palm: &Isometry, grasp: &Grasp) -> Result<Option<Grasp>, SceneError> {
         let config = self.tester.config;
@@ -177,6 +198,25 @@ mod tests {
             let wanted = transfer_palm(&robot, &from, &variant, old);
             assert!(k_medoids::palm_distance(&wanted, &new.object_from_palm) < 1e-9);
         }
+    }
+
+    #[test]
+    fn palm_pose_of_another_object_is_adapted() {
+        let robot = RobotContext::standard().unwrap();
+        let object = Object::from_catalog("cracker_box").unwrap();
+        let other = catalog_grasps("sugar_box").unwrap().grasps.swap_remove(0);
+        // The cracker box is taller than the sugar box.
+        let sugar_box = Object::from_catalog("sugar_box").unwrap();
+        let mut palm = other.object_from_palm;
+        palm.translation.z += f64::from(object.bounds[1].z - sugar_box.bounds[1].z);
+        let mut far = palm;
+        far.translation.z += 0.3;
+        let wanted = [(far, other.clone()), (palm, other)];
+        let config = SearchConfig::paper(&robot);
+        let found = adapt(&robot, &object, &wanted, &config, 0).unwrap();
+        let [grasp] = &found.grasps[..] else { panic!("{found:?}") };
+        assert!(k_medoids::palm_distance(&palm, &grasp.object_from_palm) < 0.03);
+        assert_eq!(grasp.cluster, 0);
     }
 
     #[test]
