@@ -27,9 +27,13 @@ impl Generator<'_> {
     /// pose of every object.
     pub(crate) fn generate_consistent_grasps(&self) -> Result<Vec<GraspOrder>> {
         let (dataset, names) = (self.dataset, &self.dataset.config.objects);
-        let path = |name: &str, rounds: usize| match rounds {
-            _ if rounds == TOLERANCES.len() => dataset.grasps_path(name),
-            _ => dataset.shared_grasps_path(name, rounds),
+        let path = |name: &str, rounds: usize| {
+            let is_last = rounds == TOLERANCES.len();
+            if is_last {
+                dataset.grasps_path(name)
+            } else {
+                dataset.shared_grasps_path(name, rounds)
+            }
         };
         self.generate_grasps(|name| path(name, 0))?;
         let mut orders = Vec::new();
