@@ -1,6 +1,7 @@
 //! Datasets in which similar objects share grasps.
 
 use configs::DatasetConfig;
+use dataset::Dataset;
 use grasps::RobotContext;
 use objects::catalog::built_in_objects;
 use progress::{NoProgress, Progress};
@@ -30,7 +31,8 @@ fn stopped_dataset_with_shared_grasps_resumes_to_the_same_bytes() {
     let config = DatasetConfig {
         encoder_objects: names.clone(),
         objects: names,
-        poses: 2,
+        poses: 3,
+        round_poses: Some(2),
         trajectories: 1,
         overlap_grasps: true,
         consistent_grasps: true,
@@ -50,5 +52,9 @@ fn stopped_dataset_with_shared_grasps_resumes_to_the_same_bytes() {
     let error = generate(&stopped, &stop).unwrap_err().to_string();
     assert!(error.contains("--resume"), "{error}");
     assert_eq!(generate(&stopped, &NoProgress).unwrap().hash, manifest.hash);
+    // Tins are round, and their last pose is not demonstrated.
+    let poses = Dataset::open(&whole).unwrap().read_poses(1).unwrap();
+    assert!(poses[2].states.is_empty() && poses[2].clouds.concat().iter().all(|x| *x == 0.0));
+    assert!(poses[..2].iter().all(|pose| pose.clouds.concat().iter().all(|x| *x != 0.0)));
     assert!(whole.join("grasps/tin-2.json").exists() && !whole.join("shards").exists());
 }

@@ -34,6 +34,9 @@ pub struct DatasetConfig {
     /// Poses of each object on the table (the paper's grid G). All objects share one pose sequence, each with
     /// its own section, so that objects with the same grasps cover many poses.
     pub poses: usize,
+    /// Demonstrated poses of an object that looks the same at every yaw, if fewer than `poses`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub round_poses: Option<usize>,
     /// Demonstrations per pose (the paper's M).
     pub trajectories: usize,
     /// Whether to record the same number of demonstrations with each grasp that is preferred at a neighboring
@@ -72,7 +75,7 @@ pub const PRESETS: [(&str, &str); 6] = [
     ),
     ("paper", "size used in the paper: K = 192 object poses, M = 256 demonstrations of each"),
     ("families", "training objects of all families, some in several shapes, 28 poses each"),
-    ("generated", "432 generated objects of 18 families, 10 poses each"),
+    ("generated", "432 generated objects of 18 families, 30 poses each, 10 of round objects"),
 ];
 
 /// Training objects of the paper's policies.
@@ -119,6 +122,7 @@ impl DatasetConfig {
             objects: owned(&POLICY_OBJECTS),
             share_family_grasps: false,
             poses: 24,
+            round_poses: None,
             trajectories: 32,
             overlap_grasps: false,
             consistent_grasps: false,
@@ -199,13 +203,15 @@ impl DatasetConfig {
                 Self {
                     encoder_objects: objects.iter().cloned().chain(catalog).collect(),
                     objects,
-                    poses: 10,
+                    poses: 30,
+                    round_poses: Some(10),
                     trajectories: 2,
                     overlap_grasps: true,
                     consistent_grasps: true,
                     num_shaken_replays: 0,
                     num_perturbed_replays: 0,
                     num_azimuths: 8,
+                    clouds: 2,
                     encoder_clouds: 100,
                     ..small
                 }

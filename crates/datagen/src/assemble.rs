@@ -49,8 +49,9 @@ impl Generator<'_> {
         parquet_io::write(&dir.join("attempts.parquet"), trials, None)?;
         let poses = by_object().map(|(name, shards)| Ok(pose_columns(name, shards)));
         parquet_io::write(&dir.join("poses.parquet"), poses, None)?;
-        let summary: BTreeMap<&String, Summary> =
-            by_object().map(|(name, shards)| (name, summarize(shards, config))).collect();
+        let summary: BTreeMap<&String, Summary> = by_object()
+            .map(|(name, shards)| Ok((name, self.summarize(name, shards)?)))
+            .collect::<Result<_>>()?;
         atomic_file::write(&dir.join(SUMMARY_FILE), &serde_json::to_vec_pretty(&summary)?)?;
         let provenance = provenance(config, self.objects);
         let card =
@@ -58,6 +59,12 @@ impl Generator<'_> {
         atomic_file::write(&dir.join(CARD_FILE), card.as_bytes())?;
         let manifest = manifest::build(dir, provenance)?;
         manifest::write(&manifest, dir)
+    }
+
+    /// Summary of the demonstrated poses of an object.
+    fn summarize(&self, name: &str, shards: &[PoseShard]) -> Result<Summary> {
+        let count = self.num_demonstrated_poses(self.object(name)?);
+        Ok(summarize(&shards[..count], &self.dataset.config))
     }
 
     fn read_shard(&self, name: &str, index: usize) -> Result<PoseShard> {

@@ -28,7 +28,7 @@ impl<'a> CloudRenderer<'a> {
     }
 
     /// Samples azimuths for an object pose and adds the clouds at each of them to `shard`. Returns whether the sensor
-    /// sees the object at the pose; a thin rod may be too far away. Otherwise all clouds are zero.
+    /// sees the object at the pose; a thin rod may be too far away. Otherwise no clouds are added.
     pub(crate) fn render_azimuths(
         &self,
         object: &Object,
@@ -40,12 +40,7 @@ impl<'a> CloudRenderer<'a> {
         let azimuths: Vec<f32> = std::iter::once(0.0)
             .chain((1..turns).map(|_| sample_azimuth(self.robot, pose, rng)))
             .collect();
-        let Some(first) = self.render_views(object, pose, clouds, rng) else {
-            shard.azimuths = vec![0.0; turns];
-            shard.clean = vec![0.0; turns * 3 * CLOUD_POINTS];
-            shard.noisy = vec![0.0; turns * clouds * 3 * CLOUD_POINTS];
-            return false;
-        };
+        let Some(first) = self.render_views(object, pose, clouds, rng) else { return false };
         let mut all = vec![(0.0, first.clone())];
         for mut turn in azimuths.into_iter().skip(1) {
             let visible = (0..MAX_LOOKS).find_map(|look| {

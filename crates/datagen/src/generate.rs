@@ -23,6 +23,7 @@ use grasps::{GraspSet, PlacedObject, RobotContext};
 use objects::catalog::{Objects, parse_variant, reference_object};
 use objects::object::Object;
 use objects::shape_variant::ShapeVariant;
+use objects::symmetry::symmetry_order;
 use progress::Progress;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -197,6 +198,14 @@ impl Generator<'_> {
         low_discrepancy_pose(self.robot, object * self.dataset.config.poses + index)
     }
 
+    /// Number of demonstrated poses of an object; the others have neither demonstrations nor clouds.
+    pub(crate) fn num_demonstrated_poses(&self, object: &Object) -> usize {
+        let DatasetConfig { poses, round_poses, .. } = self.dataset.config;
+        // Objects of order 2 look the same after half a turn only.
+        let is_round = symmetry_order(object) > 2;
+        round_poses.filter(|_| is_round).map_or(poses, |round| round.min(poses))
+    }
+
     fn generate_shard(
         &self,
         renderer: &CloudRenderer,
@@ -210,7 +219,12 @@ impl Generator<'_> {
         let mut shard = PoseShard { pose, ..PoseShard::default() };
         let mut rng = self.rng("look", name, index);
         let counts = [config.num_azimuths, config.clouds];
-        let is_visible = renderer.render_azimuths(object, counts, &mut shard, &mut rng);
+        let is_demonstrated = index < self.num_demonstrated_poses(object)
+            && renderer.render_azimuths(object, counts, &mut shard, &mut rng);
+        if !is_demonstrated {
+            shard.fill_empty(counts);
+            return Ok(shard);
+        }
         let [x, y, yaw] = pose;
         let task = PoseTask {
             config,
@@ -222,11 +236,7 @@ impl Generator<'_> {
             index,
             rng: &|kind, index| self.rng(kind, name, index),
         };
-        if is_visible {
-            task.demonstrate(&mut shard)?;
-        } else {
-            shard.offsets.push(0);
-        }
+        task.demonstrate(&mut shard)?;
         Ok(shard)
     }
 

@@ -46,7 +46,9 @@ impl Generator<'_> {
                 stage.write_bytes(|i| {
                     let object = self.object(&names[i])?;
                     let tolerance = f64::from(TOLERANCES[rounds - 1]);
-                    let wanted = self.wanted_grasps(&sets, &orders, i, tolerance);
+                    let orders = &orders[i * self.dataset.config.poses..]
+                        [..self.num_demonstrated_poses(object)];
+                    let wanted = self.wanted_grasps(&sets, orders, i, tolerance);
                     let (config, seed) = (SearchConfig::paper(self.robot), dataset.config.seed);
                     let mut adapted = adapt(self.robot, object, &wanted, &config, seed)?;
                     adapted.grasps = expand_by_symmetry(object, &adapted.grasps);
@@ -79,8 +81,13 @@ impl Generator<'_> {
                     anywhere.at_pose(&self.robot.config.object_pose(pose[0], pose[1], pose[2]));
                 PoseOptions::find(&placed, &sets[i].grasps, describe(&surface, pose))
             };
-            let poses = (0..self.dataset.config.poses).map(|index| self.pose(i, index));
-            PoseOptions::encode(&poses.map(of_pose).collect::<Vec<_>>())
+            let count = self.num_demonstrated_poses(object);
+            let poses = (0..self.dataset.config.poses).map(|index| (index, self.pose(i, index)));
+            let options = poses.map(|(index, pose)| match index < count {
+                true => of_pose(pose),
+                false => PoseOptions { descriptor: describe(&surface, pose), options: Vec::new() },
+            });
+            PoseOptions::encode(&options.collect::<Vec<_>>())
         })?;
         let mut all = Vec::new();
         for i in 0..names.len() {
@@ -92,7 +99,7 @@ impl Generator<'_> {
     }
 
     /// Palm poses (object frame) of grasps that neighbours of an object's poses prefer and that it does not have, with
-    /// these grasps. The first serves most poses.
+    /// these grasps. The first serves most poses. `orders`: those of the object's poses.
     fn wanted_grasps(
         &self,
         sets: &[GraspSet],
@@ -101,8 +108,8 @@ impl Generator<'_> {
         tolerance: f64,
     ) -> Vec<(Isometry, Grasp)> {
         let poses = self.dataset.config.poses;
-        let missing = (0..poses).filter_map(|index| {
-            let NeighborGrasp { pose, grasp } = orders[object * poses + index].missing?;
+        let missing = orders.iter().enumerate().filter_map(|(index, order)| {
+            let NeighborGrasp { pose, grasp } = order.missing?;
             let grasp = &sets[pose / poses].grasps[grasp];
             let from = self.pose(pose / poses, pose % poses);
             let palm = move_palm(self.robot, grasp, from, self.pose(object, index));

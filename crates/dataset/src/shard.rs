@@ -177,6 +177,14 @@ impl PoseShard {
         self.offsets.push(self.num_rows());
     }
 
+    /// Completes the shard of a pose without demonstrations: all clouds are zero.
+    pub fn fill_empty(&mut self, [azimuths, clouds]: [usize; 2]) {
+        self.offsets = vec![0];
+        self.azimuths = vec![0.0; azimuths];
+        self.clean = vec![0.0; azimuths * 3 * CLOUD_POINTS];
+        self.noisy = vec![0.0; azimuths * clouds * 3 * CLOUD_POINTS];
+    }
+
     /// Number of rows of all kept demonstrations.
     pub fn num_rows(&self) -> usize {
         self.states.len() / STATE_DIM

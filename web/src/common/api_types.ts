@@ -725,7 +725,7 @@ export interface components {
              */
             point_clouds?: boolean;
             /**
-             * @description Preset that sets the size of the dataset. `smoke`: less than a minute: the whole pipeline at toy size; `small`: minutes: two objects, 24 poses each, 32 demonstrations of each; `variants`: dataset of models/ycb-two: 220 poses each of a box in 2 shapes and a bottle in 8; `paper`: size used in the paper: K = 192 object poses, M = 256 demonstrations of each; `families`: training objects of all families, some in several shapes, 28 poses each; `generated`: 432 generated objects of 18 families, 10 poses each.
+             * @description Preset that sets the size of the dataset. `smoke`: less than a minute: the whole pipeline at toy size; `small`: minutes: two objects, 24 poses each, 32 demonstrations of each; `variants`: dataset of models/ycb-two: 220 poses each of a box in 2 shapes and a bottle in 8; `paper`: size used in the paper: K = 192 object poses, M = 256 demonstrations of each; `families`: training objects of all families, some in several shapes, 28 poses each; `generated`: 432 generated objects of 18 families, 30 poses each, 10 of round objects.
              * @default small
              * @enum {string}
              */
