@@ -36,10 +36,9 @@ impl Generator<'_> {
             }
         };
         self.generate_grasps(|name| path(name, 0))?;
-        let mut orders = Vec::new();
+        let (mut sets, mut orders) = (Vec::new(), Vec::new());
         for rounds in 0..=TOLERANCES.len() {
             if rounds > 0 {
-                let sets = self.read_sets(|name| path(name, rounds - 1))?;
                 let label = format!("shared grasps, round {rounds}");
                 let path = |i: usize| path(&names[i], rounds);
                 let stage = FileBatch::new(&label, names.len(), self.progress, path);
@@ -55,7 +54,7 @@ impl Generator<'_> {
                     Ok(serde_json::to_vec_pretty(&sets[i].clone().chain(adapted))?)
                 })?;
             }
-            let sets = self.read_sets(|name| path(name, rounds))?;
+            sets = self.read_sets(|name| path(name, rounds))?;
             let next = TOLERANCES.get(rounds).copied().unwrap_or(f32::INFINITY);
             orders = order_grasps(&self.find_options(&sets, rounds)?, next);
         }

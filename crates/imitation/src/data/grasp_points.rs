@@ -3,7 +3,6 @@
 //! *Departure: the paper's autoencoder only reconstructs the cloud. Two shapes with similar clouds may have different
 //! grasps, and a policy that is nearly linear in z needs what the grasp depends on.*
 
-use crate::nn::networks::autoencoder::to_points;
 use crate::train::autoencoder::canonicalize;
 use crate::train::expert::DemoTrajectories;
 use anyhow::Result;
@@ -60,7 +59,6 @@ pub fn grasp_views(dataset: &Dataset, tree: &KinematicTree) -> Result<Vec<GraspV
                 q[0] += rotation;
                 let pose = dataset::planar_pose::rotate_pose(record.pose, rotation as f32);
                 let grasp = grasp_points(tree, &q);
-                debug_assert_eq!(to_points(&cloud).len(), 512);
                 views.push(GraspView { object, pose, cloud, grasp });
             }
         }

@@ -22,7 +22,7 @@ use std::path::Path;
 pub(crate) struct Options {
     #[command(flatten)]
     run: TrainArgs,
-    /// Set a hyperparameter, such as grasp_weight=0.5; see the configuration in the documentation
+    /// Set a hyperparameter, by its name in `configs::AutoencoderConfig`; repeatable. For example grasp_weight=0.5
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
 }
