@@ -57,4 +57,10 @@ fn stopped_dataset_with_shared_grasps_resumes_to_the_same_bytes() {
     assert!(poses[2].states.is_empty() && poses[2].clouds.concat().iter().all(|x| *x == 0.0));
     assert!(poses[..2].iter().all(|pose| pose.clouds.concat().iter().all(|x| *x != 0.0)));
     assert!(whole.join("grasps/tin-2.json").exists() && !whole.join("shards").exists());
+    let dataset = Dataset::open(&whole).unwrap();
+    for name in &dataset.config.objects {
+        let ratings = datagen::read_grasp_ratings(&dataset, name).unwrap();
+        assert_eq!(ratings.len(), datagen::read_grasps(&dataset, name).unwrap().grasps.len());
+        assert!(ratings.iter().any(|rating| rating.success_rate > 0.3), "{name}: {ratings:?}");
+    }
 }

@@ -14,8 +14,8 @@ use objects::generated::{FAMILIES, Family};
 /// 17: objects are also placed nearer and farther than in an attempt. 18: this is reverted. 19: new names of
 /// fields and columns. 20: environment state, quantiles, dataset card. 21: all replays simulate arm and hand.
 /// 22: hands of transferred and searched grasps close above the table. 23: searches pinch low objects.
-/// 24: transfers of grasps stop as soon as their result is certain.
-pub const VERSION: u32 = 24;
+/// 24: transfers of grasps stop as soon as their result is certain. 25: consistent grasps tolerate hand pose error.
+pub const VERSION: u32 = 25;
 
 /// Requested contents of a dataset. Together with the program version, it determines the bytes of the
 /// dataset.
@@ -42,8 +42,8 @@ pub struct DatasetConfig {
     /// Whether to record the same number of demonstrations with each grasp that is preferred at a neighboring
     /// pose. At poses near a change of the preferred grasp, both grasps are then demonstrated.
     pub overlap_grasps: bool,
-    /// Whether the preferred grasp of a pose agrees with those of similar objects at similar poses. Otherwise it
-    /// is the first reachable one of the object.
+    /// Whether the preferred grasp of a pose tolerates hand pose error, and agrees with those of similar objects at
+    /// similar poses. Otherwise it is the first reachable one of the object.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub consistent_grasps: bool,
     /// Demonstrations per pose that are also replayed with a hold of 2 s and shaken, independent of the outcome

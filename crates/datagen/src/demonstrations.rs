@@ -7,6 +7,7 @@ use configs::DatasetConfig;
 use dataset::shard::{DemoOutcome, DemoTrial, PoseShard};
 use grasps::plan::demonstration::{self, Demonstration, PlanFailure, TrajectoryConfig};
 use grasps::plan::lift;
+use grasps::search::grasp_rating::{GraspRating, LOWERINGS};
 use grasps::search::trial::{TrialOutcome, TrialProtocol};
 use grasps::{Grasp, GraspBranch, PlacedObject, Posture};
 use objects::object::Object;
@@ -44,14 +45,22 @@ const PERTURB_SHIFT: f32 = 0.002;
 const PERTURB_TURN: f32 = 0.0349;
 const PERTURB_FRICTION: f32 = 0.1;
 
+/// Grasps of an object at one pose.
+#[derive(Clone, Copy)]
+pub(crate) struct PoseGrasps<'a> {
+    pub(crate) grasps: &'a [Grasp],
+    /// Order and ratings of the grasps, with [`DatasetConfig::consistent_grasps`].
+    pub(crate) order: Option<&'a GraspOrder>,
+    pub(crate) ratings: &'a [GraspRating],
+}
+
 /// One object at one pose, with its grasps.
 pub(crate) struct PoseTask<'a> {
     pub(crate) config: &'a DatasetConfig,
     pub(crate) name: &'a str,
-    pub(crate) grasps: &'a [Grasp],
-    /// Order of the grasps, with [`DatasetConfig::consistent_grasps`].
-    pub(crate) order: Option<&'a GraspOrder>,
-    pub(crate) placed: PlacedObject<'a>,
+    pub(crate) grasps: PoseGrasps<'a>,
+    /// The object on the table, and above the lowered tables that [`GraspRating::lowering`] selects.
+    pub(crate) placed: [PlacedObject<'a>; LOWERINGS.len()],
     pub(crate) pose: [f32; 3],
     /// Index of the pose among the poses of the object.
     pub(crate) index: usize,
@@ -74,12 +83,12 @@ impl PoseTask<'_> {
             }
         }
         if self.config.overlap_grasps {
-            let neighbors: BTreeSet<GraspBranch> = match self.order {
+            let neighbors: BTreeSet<GraspBranch> = match self.grasps.order {
                 Some(order) => order.of_neighbors.iter().copied().collect(),
                 None => self.neighbor_branches().collect(),
             };
             for &way in neighbors.difference(&tried) {
-                if let Some(posture) = self.placed.plan_branch(way, self.grasps) {
+                if let Some(posture) = self.plan(way) {
                     self.try_posture(way.grasp, &posture, shard)?;
                 }
             }
@@ -89,32 +98,44 @@ impl PoseTask<'_> {
 
     /// Reachable grasps, the preferred one first.
     fn in_order(&self) -> Box<dyn Iterator<Item = (GraspBranch, Posture)> + '_> {
-        let plan = |way: &GraspBranch| Some((*way, self.placed.plan_branch(*way, self.grasps)?));
-        match self.order {
+        let plan = |way: &GraspBranch| Some((*way, self.plan(*way)?));
+        match self.grasps.order {
             Some(order) => {
                 Box::new(order.preferred.iter().take(MAX_GRASPS_PER_POSE).filter_map(plan))
             }
-            None => Box::new(self.placed.reachable(self.grasps)),
+            None => Box::new(self.placed[0].reachable(self.grasps.grasps)),
         }
+    }
+
+    /// The object above the table for which a grasp is planned.
+    fn planned(&self, grasp: usize) -> &PlacedObject<'_> {
+        let rating = self.grasps.ratings.get(grasp).copied().unwrap_or_default();
+        &self.placed[rating.lowering]
+    }
+
+    fn plan(&self, branch: GraspBranch) -> Option<Posture> {
+        self.planned(branch.grasp).plan_branch(branch, self.grasps.grasps)
     }
 
     /// Branches that are preferred at the neighboring poses.
     fn neighbor_branches(&self) -> impl Iterator<Item = GraspBranch> {
-        let ([x, y, yaw], config) = (self.pose, &self.placed.robot.config);
+        let ([x, y, yaw], config) = (self.pose, &self.placed[0].robot.config);
         let [shift, turn] = [OVERLAP_SHIFT, OVERLAP_YAW];
         [[shift, 0.0, 0.0], [0.0, shift, 0.0], [0.0, 0.0, turn]]
             .into_iter()
             .flat_map(|step| [1.0, -1.0].map(|sign| step.map(|along: f32| sign * along)))
             .filter_map(move |[dx, dy, dyaw]| {
-                let neighbor = self.placed.at_pose(&config.object_pose(x + dx, y + dy, yaw + dyaw));
-                neighbor.reachable(self.grasps).next().map(|(way, _)| way)
+                let at = config.object_pose(x + dx, y + dy, yaw + dyaw);
+                let neighbor = self.placed[0].at_pose(&at);
+                neighbor.reachable(self.grasps.grasps).next().map(|(way, _)| way)
             })
     }
 
     /// Records demonstrations of one posture. Stops early if the first trials fail. Returns the number kept.
     fn try_posture(&self, grasp: usize, posture: &Posture, shard: &mut PoseShard) -> Result<usize> {
-        let robot = self.placed.robot;
-        let lift = lift::plan_from_grasp(&self.placed, posture)?;
+        let planned = self.planned(grasp);
+        let robot = planned.robot;
+        let lift = lift::plan_from_grasp(planned, posture)?;
         let lift = lift.filter(|lift| lift::reaches_hold_height(robot, lift));
         let Some(lift) = lift else { return Ok(0) };
         let palm = robot.tree.forward_kinematics(&posture.grasp).palm_pose();
@@ -127,21 +148,21 @@ impl PoseTask<'_> {
             }
             // Every pose of the object uses the same pre-grasp targets.
             let mut rng = (self.rng)("target", target);
-            let object = self.placed.object;
+            let object = planned.object;
             let above = shared_pregrasp(robot, object, self.pose, &palm, &mut rng);
-            let planned = demonstration::demonstrate(&self.placed, posture, &above, &trajectories);
-            let mut trial = planned_trial(target, grasp, planned.as_ref());
+            let motion = demonstration::demonstrate(planned, posture, &above, &trajectories);
+            let mut trial = planned_trial(target, grasp, motion.as_ref());
             trial.is_reachable = robot.can_reach(&above, posture);
-            if let Ok(found) = planned {
+            if let Ok(found) = motion {
                 check_rows(&found).with_context(|| format!("{} at {:?}", self.name, self.pose))?;
-                let outcome = found.replay(&self.placed, &lift, TrialProtocol::SHORT)?;
+                let outcome = found.replay(&self.placed[0], &lift, TrialProtocol::SHORT)?;
                 trial.outcome = replay_outcome(outcome);
                 if let TrialOutcome::Lifted { slip } = outcome {
                     trial.slip = slip;
                 }
                 if num_shaken < self.config.num_shaken_replays {
                     num_shaken += 1;
-                    let outcome = found.replay(&self.placed, &lift, TrialProtocol::FULL)?;
+                    let outcome = found.replay(&self.placed[0], &lift, TrialProtocol::FULL)?;
                     trial.shaken = Some(replay_outcome(outcome));
                 }
                 if trial.outcome == DemoOutcome::Kept {
@@ -165,7 +186,7 @@ impl PoseTask<'_> {
         lift: &[JointState],
         rng: &mut impl Rng,
     ) -> Result<DemoOutcome> {
-        let PlacedObject { robot, object, .. } = self.placed;
+        let PlacedObject { robot, object, .. } = self.placed[0];
         let mut draw = |max: f32| rng.random_range(-max..=max);
         let [x, y, yaw] = self.pose;
         let here = robot.config.object_pose(
@@ -175,7 +196,7 @@ impl PoseTask<'_> {
         );
         let friction = object.friction * (1.0 + draw(PERTURB_FRICTION));
         let object: Object = object.clone().with_friction(friction);
-        let setting = PlacedObject { object: &object, ..self.placed.at_pose(&here) };
+        let setting = PlacedObject { object: &object, ..self.placed[0].at_pose(&here) };
         let outcome = found.replay(&setting, lift, TrialProtocol::SHORT)?;
         Ok(replay_outcome(outcome))
     }
@@ -184,10 +205,11 @@ impl PoseTask<'_> {
     /// poses.
     fn max_joint_jump(&self, way: GraspBranch, posture: &Posture) -> f32 {
         let [x, y, yaw] = self.pose;
-        let config = &self.placed.robot.config;
+        let planned = self.planned(way.grasp);
+        let config = &planned.robot.config;
         let neighbors = [[x + 0.02, y, yaw], [x, y + 0.02, yaw], [x, y, yaw + 0.1]];
         let postures = neighbors.iter().filter_map(|&[x, y, yaw]| {
-            self.placed.at_pose(&config.object_pose(x, y, yaw)).plan_branch(way, self.grasps)
+            planned.at_pose(&config.object_pose(x, y, yaw)).plan_branch(way, self.grasps.grasps)
         });
         postures.map(|other| (other.grasp - posture.grasp).amax() as f32).fold(0.0, f32::max)
     }
@@ -279,14 +301,15 @@ mod tests {
             let post = PoseTask {
                 config: &config,
                 name: "bleach",
-                grasps: &grasps,
-                order: None,
-                placed: anywhere.at_pose(&robot.config.object_pose(pose[0], pose[1], pose[2])),
+                grasps: PoseGrasps { grasps: &grasps, order: None, ratings: &[] },
+                placed: [(); LOWERINGS.len()].map(|()| {
+                    anywhere.at_pose(&robot.config.object_pose(pose[0], pose[1], pose[2]))
+                }),
                 pose,
                 index: step,
                 rng: &|_, _| ChaCha8Rng::from_seed([0; 32]),
             };
-            let first = post.placed.reachable(&grasps).next().map(|(way, _)| way);
+            let first = post.placed[0].reachable(&grasps).next().map(|(way, _)| way);
             (first, post.neighbor_branches().collect::<BTreeSet<GraspBranch>>())
         };
         let found: Vec<_> = (0..21).map(at).collect();

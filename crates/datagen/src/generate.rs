@@ -4,9 +4,9 @@
 //! resumes by generating the missing files.
 
 use crate::clouds::CloudRenderer;
-use crate::demonstrations::PoseTask;
-use crate::grasp_order::GraspOrder;
+use crate::demonstrations::{PoseGrasps, PoseTask};
 use crate::poses::low_discrepancy_pose;
+use crate::shared_grasps::{ConsistentGrasps, read_ratings};
 use anyhow::{Context, Result, bail};
 use configs::DatasetConfig;
 use dataset::Dataset;
@@ -15,6 +15,7 @@ use dataset::shard::PoseShard;
 use dataset_manifest::{MANIFEST_FILE, Manifest, Provenance};
 use files::{atomic_file, tensors};
 use geometry::surface_sampling;
+use grasps::search::grasp_rating::{GraspRating, LOWERINGS};
 use grasps::search::transfer::transfer;
 use grasps::search::{SearchConfig, search};
 use grasps::set::catalog;
@@ -59,18 +60,19 @@ pub fn generate(
     progress: &(dyn Progress + Sync),
 ) -> Result<Manifest> {
     if !dataset.dir.join(MANIFEST_FILE).exists() {
-        let generator = Generator { dataset, robot, objects, progress };
-        let orders = match dataset.config.consistent_grasps {
+        let lowered = LOWERINGS.map(|depth| robot.above_lowered_table(depth));
+        let generator = Generator { dataset, robot, lowered, objects, progress };
+        let consistent = match dataset.config.consistent_grasps {
             true => generator.generate_consistent_grasps()?,
             false => {
                 generator.generate_grasps(|name| dataset.grasps_path(name))?;
-                Vec::new()
+                ConsistentGrasps::default()
             }
         };
         generator.generate_surfaces()?;
         let renderer = CloudRenderer::new(robot);
         generator.generate_clouds(&renderer)?;
-        generator.generate_shards(&renderer, &orders)?;
+        generator.generate_shards(&renderer, &consistent)?;
         generator.assemble()?;
     }
     dataset.delete_shards()?;
@@ -82,6 +84,14 @@ pub fn read_grasps(dataset: &Dataset, name: &str) -> Result<GraspSet> {
     read_grasp_file(&dataset.grasps_path(name))
 }
 
+/// Reads the ratings of an object's grasps; empty without [`DatasetConfig::consistent_grasps`].
+pub fn read_grasp_ratings(dataset: &Dataset, name: &str) -> Result<Vec<GraspRating>> {
+    match dataset.config.consistent_grasps {
+        true => read_ratings(&dataset.ratings_path(name)),
+        false => Ok(Vec::new()),
+    }
+}
+
 pub(crate) fn read_grasp_file(path: &Path) -> Result<GraspSet> {
     let bytes = atomic_file::read(path)?;
     serde_json::from_slice(&bytes).with_context(|| format!("{} is damaged", path.display()))
@@ -91,6 +101,8 @@ pub(crate) fn read_grasp_file(path: &Path) -> Result<GraspSet> {
 pub(crate) struct Generator<'a> {
     pub(crate) dataset: &'a Dataset,
     pub(crate) robot: &'a RobotContext,
+    /// The robot above tables that are lower, by [`LOWERINGS`].
+    pub(crate) lowered: [RobotContext; LOWERINGS.len()],
     pub(crate) objects: &'a Objects,
     pub(crate) progress: &'a (dyn Progress + Sync),
 }
@@ -179,7 +191,11 @@ impl Generator<'_> {
     }
 
     /// Writes a shard with demonstrations, replays and clouds for every object pose.
-    fn generate_shards(&self, renderer: &CloudRenderer, orders: &[GraspOrder]) -> Result<()> {
+    fn generate_shards(
+        &self,
+        renderer: &CloudRenderer,
+        consistent: &ConsistentGrasps,
+    ) -> Result<()> {
         let (names, poses) = (&self.dataset.config.objects, self.dataset.config.poses);
         let sets = names.iter().map(|name| read_grasps(self.dataset, name));
         let sets = sets.collect::<Result<Vec<_>>>()?;
@@ -188,8 +204,10 @@ impl Generator<'_> {
         let stage = FileBatch::new("object poses", poses * names.len(), self.progress, path);
         stage.write_bytes(|i| {
             let (object, index) = location(i);
-            let order = orders.get(object * poses + index);
-            self.generate_shard(renderer, &sets[object], [object, index], order)?.encode()
+            let order = consistent.orders.get(object * poses + index);
+            let ratings = consistent.ratings.get(object).map(Vec::as_slice).unwrap_or_default();
+            let grasps = PoseGrasps { grasps: &sets[object].grasps, order, ratings };
+            self.generate_shard(renderer, grasps, [object, index])?.encode()
         })
     }
 
@@ -209,11 +227,10 @@ impl Generator<'_> {
     fn generate_shard(
         &self,
         renderer: &CloudRenderer,
-        set: &GraspSet,
+        grasps: PoseGrasps,
         [object, index]: [usize; 2],
-        order: Option<&GraspOrder>,
     ) -> Result<PoseShard> {
-        let (robot, config) = (self.robot, &self.dataset.config);
+        let config = &self.dataset.config;
         let (name, pose) = (config.objects[object].as_str(), self.pose(object, index));
         let object = self.object(name)?;
         let mut shard = PoseShard { pose, ..PoseShard::default() };
@@ -225,19 +242,29 @@ impl Generator<'_> {
             shard.fill_empty(counts);
             return Ok(shard);
         }
-        let [x, y, yaw] = pose;
         let task = PoseTask {
             config,
             name,
-            grasps: &set.grasps,
-            order,
-            placed: PlacedObject::new(robot, object, &robot.config.object_pose(x, y, yaw)),
+            grasps,
+            placed: self.placed_above_tables(object, pose),
             pose,
             index,
             rng: &|kind, index| self.rng(kind, name, index),
         };
         task.demonstrate(&mut shard)?;
         Ok(shard)
+    }
+
+    /// The object at a pose x, y (m), yaw (rad), above each of the tables of [`Generator::lowered`].
+    pub(crate) fn placed_above_tables<'a>(
+        &'a self,
+        object: &'a Object,
+        [x, y, yaw]: [f32; 3],
+    ) -> [PlacedObject<'a>; LOWERINGS.len()] {
+        let place = |robot: &'a RobotContext| {
+            PlacedObject::new(robot, object, &robot.config.object_pose(x, y, yaw))
+        };
+        self.lowered.each_ref().map(place)
     }
 
     pub(crate) fn object(&self, name: &str) -> Result<&Object> {

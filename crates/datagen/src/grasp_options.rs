@@ -2,6 +2,9 @@
 
 use anyhow::{Context, Result, ensure};
 use files::tensors::{self, read_f32};
+use grasps::search::grasp_rating::GraspRating;
+#[cfg(doc)]
+use grasps::search::grasp_rating::LOWERINGS;
 use grasps::{Grasp, GraspBranch, PlacedObject};
 use objects::shape_moments::{NUM_MOMENTS, moments};
 use robot::{JointVector, NUM_FINGERS, Vector, rotation};
@@ -65,6 +68,8 @@ impl RobotPoints {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct GraspOption {
     pub(crate) branch: GraspBranch,
+    /// Success rate under hand pose error.
+    pub(crate) success_rate: f32,
     pub(crate) points: RobotPoints,
 }
 
@@ -99,11 +104,20 @@ pub(crate) struct PoseOptions {
 }
 
 impl PoseOptions {
-    /// All grasps that the robot can reach, each with its first solution of inverse kinematics.
-    pub(crate) fn find(placed: &PlacedObject, grasps: &[Grasp], descriptor: Descriptor) -> Self {
+    /// All grasps that the robot can reach, each with its first solution of inverse kinematics. `placed`: the object,
+    /// once per height of the table ([`LOWERINGS`]); `ratings`: one per grasp.
+    pub(crate) fn find(
+        placed: &[PlacedObject],
+        grasps: &[Grasp],
+        ratings: &[GraspRating],
+        descriptor: Descriptor,
+    ) -> Self {
         let option = |grasp: usize| {
+            let GraspRating { success_rate, lowering } = ratings[grasp];
+            let placed = &placed[lowering];
             let (branch, posture) = placed.plan_grasp(grasp, grasps)?;
-            Some(GraspOption { branch, points: RobotPoints::of(placed, &posture.grasp) })
+            let points = RobotPoints::of(placed, &posture.grasp);
+            Some(GraspOption { branch, success_rate, points })
         };
         Self { descriptor, options: (0..grasps.len()).filter_map(option).collect() }
     }
@@ -117,6 +131,7 @@ impl PoseOptions {
             .iter()
             .flat_map(|option| [option.branch.ik_seed as f32, option.branch.grasp as f32])
             .collect();
+        let rates: Vec<f32> = options.iter().map(|option| option.success_rate).collect();
         let points: Vec<f32> =
             options.iter().flat_map(|option| option.points.0.into_iter().flatten()).collect();
         let (poses, count) = (all.len(), options.len());
@@ -125,6 +140,7 @@ impl PoseOptions {
                 ("descriptors", vec![poses, NUM_MOMENTS], &descriptors),
                 ("counts", vec![poses], &counts),
                 ("branches", vec![count, 2], &branches),
+                ("success_rates", vec![count], &rates),
                 ("points", vec![count, NUM_POINTS, 3], &points),
             ],
             None,
@@ -137,12 +153,14 @@ impl PoseOptions {
         let read = |name: &str| read_f32(&tensors, name);
         let (descriptors, counts) = (read("descriptors")?, read("counts")?);
         let (branches, points) = (read("branches")?, read("points")?);
-        let mut options =
-            branches.chunks_exact(2).zip(points.chunks_exact(3 * NUM_POINTS)).map(|(branch, x)| {
-                let branch = GraspBranch { ik_seed: branch[0] as usize, grasp: branch[1] as usize };
-                let point = |k: usize| std::array::from_fn(|axis| x[3 * k + axis]);
-                GraspOption { branch, points: RobotPoints(std::array::from_fn(point)) }
-            });
+        let rates = read("success_rates")?;
+        let pairs = branches.chunks_exact(2).zip(points.chunks_exact(3 * NUM_POINTS));
+        let mut options = pairs.zip(&rates).map(|((branch, x), &success_rate)| {
+            let branch = GraspBranch { ik_seed: branch[0] as usize, grasp: branch[1] as usize };
+            let point = |k: usize| std::array::from_fn(|axis| x[3 * k + axis]);
+            let points = RobotPoints(std::array::from_fn(point));
+            GraspOption { branch, success_rate, points }
+        });
         let total: f32 = counts.iter().sum();
         ensure!(total as usize == options.len(), "the counts do not match");
         let pose = |(descriptor, count): (&[f32], &f32)| {
@@ -167,7 +185,10 @@ mod tests {
         let world_from_object = robot.config.object_pose(pose[0], pose[1], pose[2]);
         let placed = PlacedObject::new(robot, &object, &world_from_object);
         let surface = geometry::surface_sampling::sample_surface(&object.mesh, 4096);
-        PoseOptions::find(&placed, &grasps, describe(&surface, pose))
+        let ratings: Vec<GraspRating> = (0..grasps.len())
+            .map(|i| GraspRating { success_rate: 0.1 * i as f32, lowering: 0 })
+            .collect();
+        PoseOptions::find(&[placed], &grasps, &ratings, describe(&surface, pose))
     }
 
     #[test]

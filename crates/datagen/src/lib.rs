@@ -14,4 +14,4 @@ pub mod report;
 mod shared_grasps;
 mod summary;
 
-pub use generate::{create, generate, provenance, read_grasps};
+pub use generate::{create, generate, provenance, read_grasp_ratings, read_grasps};

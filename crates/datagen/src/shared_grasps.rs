@@ -5,15 +5,18 @@ use crate::generate::{FileBatch, Generator, SURFACE_POINTS, read_grasp_file};
 use crate::grasp_options::{PoseOptions, describe};
 use crate::grasp_order::{GraspOrder, NeighborGrasp, order_grasps};
 use anyhow::{Context, Result};
+#[cfg(doc)]
+use configs::DatasetConfig;
 use files::atomic_file;
 use geometry::surface_sampling;
 use grasps::search::SearchConfig;
+use grasps::search::grasp_rating::GraspRating;
 use grasps::search::transfer::adapt;
 use grasps::set::k_medoids::palm_distance;
 use grasps::set::symmetry::expand_by_symmetry;
-use grasps::{Grasp, GraspSet, PlacedObject, RobotContext};
+use grasps::{Grasp, GraspSet, RobotContext};
 use robot::{Isometry, Vector, rotation};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Rounds: the distance (m) from the median of its neighbours beyond which a preferred grasp is replaced, if theirs can
 /// be adapted to the object.
@@ -22,10 +25,18 @@ const TOLERANCES: [f32; 5] = [0.04, 0.04, 0.03, 0.025, 0.02];
 /// Maximum number of grasps of similar objects that are tried on an object in a round.
 const MAX_WANTED: usize = 4;
 
+/// Orders and ratings of the grasps in a dataset. Both are empty without [`DatasetConfig::consistent_grasps`].
+#[derive(Default)]
+pub(crate) struct ConsistentGrasps {
+    /// Order of the grasps at every pose of every object.
+    pub(crate) orders: Vec<GraspOrder>,
+    /// Ratings of the grasps of every object.
+    pub(crate) ratings: Vec<Vec<GraspRating>>,
+}
+
 impl Generator<'_> {
-    /// Writes the grasps of every object, those of similar objects included. Returns the order of the grasps at every
-    /// pose of every object.
-    pub(crate) fn generate_consistent_grasps(&self) -> Result<Vec<GraspOrder>> {
+    /// Writes the grasps of every object, those of similar objects included.
+    pub(crate) fn generate_consistent_grasps(&self) -> Result<ConsistentGrasps> {
         let (dataset, names) = (self.dataset, &self.dataset.config.objects);
         let path = |name: &str, rounds: usize| {
             let is_last = rounds == TOLERANCES.len();
@@ -37,6 +48,7 @@ impl Generator<'_> {
         };
         self.generate_grasps(|name| path(name, 0))?;
         let (mut sets, mut orders) = (Vec::new(), Vec::new());
+        let mut ratings = vec![Vec::new(); names.len()];
         for rounds in 0..=TOLERANCES.len() {
             if rounds > 0 {
                 let label = format!("shared grasps, round {rounds}");
@@ -55,10 +67,11 @@ impl Generator<'_> {
                 })?;
             }
             sets = self.read_sets(|name| path(name, rounds))?;
+            ratings = self.rate_grasps(&sets, &ratings, rounds)?;
             let next = TOLERANCES.get(rounds).copied().unwrap_or(f32::INFINITY);
-            orders = order_grasps(&self.find_options(&sets, rounds)?, next);
+            orders = order_grasps(&self.find_options(&sets, &ratings, rounds)?, next);
         }
-        Ok(orders)
+        Ok(ConsistentGrasps { orders, ratings })
     }
 
     fn read_sets(&self, path: impl Fn(&str) -> PathBuf) -> Result<Vec<GraspSet>> {
@@ -66,19 +79,55 @@ impl Generator<'_> {
         names.map(|name| read_grasp_file(&path(name))).collect()
     }
 
+    /// Ratings of all grasps, per object. `known`: those of the first grasps of each set.
+    fn rate_grasps(
+        &self,
+        sets: &[GraspSet],
+        known: &[Vec<GraspRating>],
+        rounds: usize,
+    ) -> Result<Vec<Vec<GraspRating>>> {
+        let names = &self.dataset.config.objects;
+        let path = |i: usize| match rounds == TOLERANCES.len() {
+            true => self.dataset.ratings_path(&names[i]),
+            false => self.dataset.shared_ratings_path(&names[i], rounds),
+        };
+        let label = format!("ratings of grasps, round {rounds}");
+        FileBatch::new(&label, names.len(), self.progress, path).write_bytes(|i| {
+            let (object, grasps) = (self.object(&names[i])?, &sets[i].grasps);
+            let mut ratings = known[i].clone();
+            for grasp in &grasps[ratings.len()..] {
+                // Turned copies of a grasp of a round object have its rating.
+                let is_copy = |other: &&Grasp| {
+                    (other.pregrasp, other.grasp, other.squeeze)
+                        == (grasp.pregrasp, grasp.grasp, grasp.squeeze)
+                };
+                let original = grasps[..ratings.len()].iter().rposition(|other| is_copy(&other));
+                ratings.push(match original {
+                    Some(original) => ratings[original],
+                    None => GraspRating::of(self.robot, object, grasp)?,
+                });
+            }
+            Ok(serde_json::to_vec(&ratings)?)
+        })?;
+        (0..names.len()).map(|i| read_ratings(&path(i))).collect()
+    }
+
     /// Reachable grasps at every pose of every object, after some rounds.
-    fn find_options(&self, sets: &[GraspSet], rounds: usize) -> Result<Vec<PoseOptions>> {
+    fn find_options(
+        &self,
+        sets: &[GraspSet],
+        ratings: &[Vec<GraspRating>],
+        rounds: usize,
+    ) -> Result<Vec<PoseOptions>> {
         let names = &self.dataset.config.objects;
         let path = |i: usize| self.dataset.options_path(&names[i], rounds);
         let label = format!("reach of grasps, round {rounds}");
         FileBatch::new(&label, names.len(), self.progress, path).write_bytes(|i| {
             let object = self.object(&names[i])?;
             let surface = surface_sampling::sample_surface(&object.mesh, SURFACE_POINTS);
-            let anywhere = PlacedObject::at_origin(self.robot, object);
             let of_pose = |pose: [f32; 3]| {
-                let placed =
-                    anywhere.at_pose(&self.robot.config.object_pose(pose[0], pose[1], pose[2]));
-                PoseOptions::find(&placed, &sets[i].grasps, describe(&surface, pose))
+                let placed = self.placed_above_tables(object, pose);
+                PoseOptions::find(&placed, &sets[i].grasps, &ratings[i], describe(&surface, pose))
             };
             let count = self.num_demonstrated_poses(object);
             let poses = (0..self.dataset.config.poses).map(|index| (index, self.pose(i, index)));
@@ -116,6 +165,11 @@ impl Generator<'_> {
         });
         most_wanted(missing.collect(), tolerance)
     }
+}
+
+pub(crate) fn read_ratings(path: &Path) -> Result<Vec<GraspRating>> {
+    let ratings = serde_json::from_slice(&atomic_file::read(path)?);
+    ratings.with_context(|| format!("{} is damaged; delete it and resume", path.display()))
 }
 
 /// Palm pose (object frame) at a pose `to`, that relates to robot and position of the object as a grasp does at `from`.

@@ -281,6 +281,16 @@ impl Dataset {
         self.dir.join(SHARDS_DIR).join(name).join(format!("options-{rounds}.safetensors"))
     }
 
+    /// File of the ratings of an object's grasps after some rounds, before the last one.
+    pub fn shared_ratings_path(&self, name: &str, rounds: usize) -> PathBuf {
+        self.dir.join(SHARDS_DIR).join(name).join(format!("ratings-{rounds}.json"))
+    }
+
+    /// File of the ratings of an object's grasps, in datasets with consistent grasps.
+    pub fn ratings_path(&self, name: &str) -> PathBuf {
+        self.dir.join("ratings").join(format!("{name}.json"))
+    }
+
     /// File of the grasps of an object.
     pub fn grasps_path(&self, name: &str) -> PathBuf {
         self.dir.join("grasps").join(format!("{name}.json"))

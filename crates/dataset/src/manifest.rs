@@ -64,7 +64,7 @@ pub fn verify_files(manifest: &Manifest, dir: &Path, progress: &dyn Progress) ->
 }
 
 /// Names that a dataset folder may contain.
-const KNOWN_ENTRIES: [&str; 12] = [
+const KNOWN_ENTRIES: [&str; 13] = [
     CARD_FILE,
     CONFIG_FILE,
     MANIFEST_FILE,
@@ -74,6 +74,7 @@ const KNOWN_ENTRIES: [&str; 12] = [
     "attempts.parquet",
     "poses.parquet",
     "grasps",
+    "ratings",
     "clouds",
     "data",
     "meta",

@@ -9,6 +9,7 @@ use dataset::Dataset;
 use dataset::episodes::EpisodeEntry;
 use dataset_manifest::{Manifest, Summary};
 use grasps::RobotContext;
+use grasps::search::grasp_rating::GraspRating;
 use objects::catalog::{Objects, built_in_object, built_in_objects};
 use progress::Progress;
 use std::io::Write;
@@ -240,6 +241,7 @@ fn info(dir: &Path, is_json: bool) -> Result<()> {
         return Ok(());
     }
     print_counts(&summary);
+    print_ratings(&dataset)?;
     let (megabytes, files) = (manifest.total_bytes() as f64 / 1e6, manifest.files.len());
     println!("seed {}, {}", manifest.provenance.config.seed, manifest.generator);
     println!("{files} files, {megabytes:.1} MB, hash {}", manifest.hash);
@@ -282,6 +284,35 @@ fn print_counts(summary: &std::collections::BTreeMap<String, Summary>) {
             s.max_restarts
         );
     }
+}
+
+/// Prints how well the grasps tolerate hand pose error, for datasets with consistent grasps.
+fn print_ratings(dataset: &Dataset) -> Result<()> {
+    let names = dataset.config.objects.iter();
+    let ratings = names.map(|name| datagen::read_grasp_ratings(dataset, name));
+    let ratings = ratings.collect::<Result<Vec<_>>>()?;
+    let rate = |rating: &GraspRating| f64::from(rating.success_rate);
+    let best = ratings.iter().filter_map(|all| all.iter().map(rate).reduce(f64::max));
+    let best: Vec<f64> = best.collect();
+    let all: Vec<f64> = ratings.iter().flatten().map(rate).collect();
+    let (Some(of_best), Some(of_all)) = (quartiles(best), quartiles(all)) else { return Ok(()) };
+    let count = ratings.iter().flatten().count();
+    let lowered = ratings.iter().flatten().filter(|rating| rating.lowering > 0).count();
+    let text = |[low, median, high]: [f64; 3]| format!("{median:.2} ({low:.2} to {high:.2})");
+    println!("{count} grasps, with a lowered hand {:.0} %", percentage(lowered, count));
+    println!(
+        "success rate under hand pose error, median (quartiles): {}; of the best grasp of each object {}",
+        text(of_all),
+        text(of_best)
+    );
+    Ok(())
+}
+
+/// Quartiles of some values; `None` without values.
+fn quartiles(mut values: Vec<f64>) -> Option<[f64; 3]> {
+    values.sort_by(f64::total_cmp);
+    let last = values.len().checked_sub(1)?;
+    Some([1, 2, 3].map(|quarter| values[(quarter * last).div_ceil(4)]))
 }
 
 fn percentage(k: usize, n: usize) -> f64 {

@@ -44,6 +44,14 @@ impl RobotContext {
         Self { config, tree, collision_model: solids, nominal, alternate_seeds, ik }
     }
 
+    /// The same robot above a table that is lower by `depth` (m). Executed above the real table, what is planned for it
+    /// presses the fingertips of low grasps on the table.
+    pub fn above_lowered_table(&self, depth: f64) -> Self {
+        let mut config = self.config.clone();
+        config.table.center[2] -= depth as f32;
+        Self::new(config, self.tree.clone())
+    }
+
     /// Whether the arm can reach a palm pose, with IK from the grasp posture.
     pub fn can_reach(&self, world_from_palm: &Isometry, grasping: &Posture) -> bool {
         let config = IkConfig { min_flexion: 0.0, ..self.ik.clone() };

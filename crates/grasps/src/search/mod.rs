@@ -5,6 +5,7 @@ pub mod candidates;
 pub mod closing;
 mod config;
 pub mod contact_forces;
+pub mod grasp_rating;
 mod grasp_search;
 mod palm_transfer;
 pub(crate) mod parallel;

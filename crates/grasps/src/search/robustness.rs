@@ -46,6 +46,10 @@ const PALM_HEIGHT_SHIFT: f64 = 0.015;
 /// `[n, k]`: trials stop after the first `n` if fewer than `k` of them lift.
 const EARLY_STOP: [usize; 2] = [8, 4];
 
+/// Number of trials of an estimate ([`estimated_success_rate`]), and early stops of its trials, as [`EARLY_STOP`].
+const NUM_ESTIMATE_TRIALS: usize = 16;
+const EARLY_ESTIMATES: [[usize; 2]; 2] = [[4, 1], [8, 4]];
+
 /// Minimum success rate of a usable grasp.
 pub(crate) const MIN_RATE: f64 = 0.5;
 
@@ -54,6 +58,19 @@ const NUM_APPROACHES: usize = 2;
 
 /// A hold as long as in an attempt, without shaking.
 const HOLD_TRIAL: TrialProtocol = TrialProtocol { is_shaken: false, ..TrialProtocol::FULL };
+
+/// Trials of a success rate.
+#[derive(Clone, Copy)]
+struct Trials {
+    count: usize,
+    protocol: TrialProtocol,
+    /// Height (m) by which the hand is lower than planned.
+    lowering: f64,
+}
+
+const MEASUREMENT: Trials = Trials { count: NUM_TRIALS, protocol: HOLD_TRIAL, lowering: 0.0 };
+const ESTIMATE: Trials =
+    Trials { count: NUM_ESTIMATE_TRIALS, protocol: TrialProtocol::SCREENING, lowering: 0.0 };
 
 /// Success rate of a good grasp.
 pub const GOOD_RATE: f64 = 0.66;
@@ -98,10 +115,11 @@ pub fn mean_success_rate(
     if own < MIN_RATE {
         return Ok(0.0);
     }
+    let few = Trials { count: EARLY_STOP[0], ..MEASUREMENT };
     let mut sum = own;
     for SimilarObject { object: other, shape_variant } in similar {
         if let Some(grasp) = palm_transfer::reclose(robot, object, grasp, other, shape_variant) {
-            sum += success_rate_over(robot, other, &grasp, EARLY_STOP[0], &stop_early)?;
+            sum += success_rate_over(robot, other, &grasp, few, &stop_early)?;
         }
     }
     Ok(sum / (1 + similar.len()) as f64)
@@ -114,7 +132,21 @@ pub fn success_rate(
     object: &Object,
     grasp: &Grasp,
 ) -> Result<f64, SceneError> {
-    success_rate_over(robot, object, grasp, NUM_TRIALS, &stop_early)
+    success_rate_over(robot, object, grasp, MEASUREMENT, &stop_early)
+}
+
+/// Estimate of [`success_rate`] by fewer trials with a small lift; not 0 after an early stop. In all trials the hand is
+/// lower than planned by `lowering` (m).
+pub(crate) fn estimated_success_rate(
+    planned: &PlannedGrasp,
+    grasp: &Grasp,
+    lowering: f64,
+) -> Result<f64, SceneError> {
+    let stop = |tried: usize, lifted: usize| {
+        let is_low = EARLY_ESTIMATES.iter().any(|[n, k]| tried == *n && lifted < *k);
+        is_low.then(|| lifted as f64 / tried as f64)
+    };
+    planned_success_rate(planned, grasp, Trials { lowering, ..ESTIMATE }, &stop)
 }
 
 /// Success rate as far as it decides about a grasp: 0 if it is below [`MIN_RATE`], [`GOOD_RATE`] if it is at
@@ -131,7 +163,7 @@ pub(crate) fn bounded_success_rate(
         }
         (rate(lifted + NUM_TRIALS - tried) < MIN_RATE).then_some(0.0)
     };
-    success_rate_over(robot, object, grasp, NUM_TRIALS, &bound)
+    success_rate_over(robot, object, grasp, MEASUREMENT, &bound)
 }
 
 /// Result after `tried` trials, of which `lifted` lifted, if it is certain.
@@ -145,17 +177,23 @@ fn success_rate_over(
     robot: &RobotContext,
     object: &Object,
     grasp: &Grasp,
-    trials: usize,
+    trials: Trials,
     early_result: EarlyResult,
 ) -> Result<f64, SceneError> {
-    let Some(planned) =
-        PlannedGrasp::plan_at_easiest_yaw(&PlacedObject::at_origin(robot, object), grasp)?
-    else {
-        return Ok(0.0);
-    };
+    let planned =
+        PlannedGrasp::plan_at_easiest_yaw(&PlacedObject::at_origin(robot, object), grasp)?;
+    planned.map_or(Ok(0.0), |planned| planned_success_rate(&planned, grasp, trials, early_result))
+}
+
+fn planned_success_rate(
+    planned: &PlannedGrasp,
+    grasp: &Grasp,
+    trials: Trials,
+    early_result: EarlyResult,
+) -> Result<f64, SceneError> {
     let mut rng = ChaCha8Rng::seed_from_u64(77);
     let mut lifted = 0;
-    for tried in 0..trials {
+    for tried in 0..trials.count {
         if let Some(rate) = early_result(tried, lifted) {
             return Ok(rate);
         }
@@ -164,7 +202,7 @@ fn success_rate_over(
         let raised = Isometry::translation(
             0.0,
             0.0,
-            rng.random_range(-PALM_HEIGHT_SHIFT..=PALM_HEIGHT_SHIFT),
+            rng.random_range(-PALM_HEIGHT_SHIFT..=PALM_HEIGHT_SHIFT) - trials.lowering,
         );
         let palm = raised * palm;
         let fraction = rng.random_range(SQUEEZE_FRACTION[0]..=SQUEEZE_FRACTION[1]);
@@ -173,16 +211,20 @@ fn success_rate_over(
             grasp.grasp[i] + offset + rng.random_range(-JOINT_NOISE..=JOINT_NOISE)
         });
         let perturbed = Grasp { object_from_palm: palm, squeeze, ..grasp.clone() };
-        lifted += usize::from(lifts(&planned.placed, &perturbed)?);
+        lifted += usize::from(lifts(&planned.placed, &perturbed, trials.protocol)?);
     }
-    Ok(lifted as f64 / trials as f64)
+    Ok(lifted as f64 / trials.count as f64)
 }
 
 /// Whether a grasp lifts; the open hand may graze the object.
-fn lifts(placed: &PlacedObject, grasp: &Grasp) -> Result<bool, SceneError> {
+fn lifts(
+    placed: &PlacedObject,
+    grasp: &Grasp,
+    protocol: TrialProtocol,
+) -> Result<bool, SceneError> {
     let Some(posture) = placed.solve_posture(grasp) else { return Ok(false) };
     let Some(lift) = lift::plan_from_grasp(placed, &posture)? else { return Ok(false) };
-    let outcome = trial::try_grasp(placed, &posture, &lift, HOLD_TRIAL)?;
+    let outcome = trial::try_grasp(placed, &posture, &lift, protocol)?;
     Ok(matches!(outcome, TrialOutcome::Lifted { .. }))
 }
 
