@@ -50,7 +50,7 @@ fn inference_and_training_networks_agree_on_dataset_states() {
         let z = vec![object.latent.as_slice(); states.len()];
         let got = twin.forward(&params, &states, &z).unwrap().accelerations;
         for (state, got) in states.iter().zip(got.to_vec2::<f32>().unwrap()) {
-            let input = policy::NetworkInput { state: *state, latent: &object.latent };
+            let input = policy::NetworkInput::new(*state, &object.latent);
             let wanted = runs.accelerations(&[input])[0].unwrap();
             let error = (0..DOF).map(|i| (f64::from(got[i]) - wanted[i]).abs()).fold(0.0, f64::max);
             max_error = max_error.max(error / wanted.norm());

@@ -144,7 +144,7 @@ fn policy_matches_pytorch() {
     let rows = made.to_vec2::<f32>().unwrap();
     for (i, (state, z)) in states.iter().zip(&latents).enumerate() {
         let wanted = numbers(&golden["qdd"][i]);
-        let input = [NetworkInput { state: *state, latent: z }];
+        let input = [NetworkInput::new(*state, z)];
         let got = runs.accelerations(&input)[0].unwrap();
         assert_close("acceleration", got.as_slice(), &wanted);
         let trained: Vec<f64> = rows[i].iter().map(|x| *x as f64).collect();
@@ -206,7 +206,7 @@ fn acceleration_mlps_match_pytorch() {
         let rows = made.to_vec2::<f32>().unwrap();
         for (i, (state, z)) in states.iter().zip(&latents).enumerate() {
             let wanted = numbers(&golden["qdd"][i]);
-            let input = [NetworkInput { state: *state, latent: z }];
+            let input = [NetworkInput::new(*state, z)];
             let got = runs.accelerations(&input)[0].unwrap();
             assert_close("acceleration", got.as_slice(), &wanted);
             let trained: Vec<f64> = rows[i].iter().map(|x| *x as f64).collect();

@@ -87,7 +87,7 @@ fn attempt_rows(options: &Options) -> Result<Vec<Row>> {
         context.sensor.extract_cloud(&context.sensor.capture(&object.mesh, &pose, &mut rng));
     let z = encoder.encode(&cloud).context("cannot encode the cloud")?.latent;
     let state = robot::JointState::at_rest(robot.nominal);
-    let inputs = [NetworkInput { state, latent: &z }; 8];
+    let inputs = [NetworkInput::new(state, &z); 8];
     let mut rows = vec![
         measure("policy_step_native", 200, || {
             std::hint::black_box(policy.accelerations(&inputs[..1]));

@@ -86,7 +86,7 @@ impl Observation {
 
     /// The network's input at a state in the base frame.
     pub fn network_input(&self, state: &JointState) -> NetworkInput<'_> {
-        NetworkInput { state: self.state_to_canonical(state), latent: &self.latent }
+        NetworkInput::new(self.state_to_canonical(state), &self.latent)
     }
 
     /// Converts a configuration (rad) from the base frame to the canonical frame.

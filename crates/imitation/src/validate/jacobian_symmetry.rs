@@ -35,7 +35,7 @@ fn antisymmetric_share(policy: &Network, q: &JointVector, latent: &[f32]) -> Opt
     let shifted = |joint: usize, shift: f64| {
         let mut q = *q;
         q[joint] += shift;
-        NetworkInput { state: JointState::at_rest(q), latent }
+        NetworkInput::new(JointState::at_rest(q), latent)
     };
     let inputs: Vec<NetworkInput> =
         (0..DOF).flat_map(|joint| [shifted(joint, SHIFT), shifted(joint, -SHIFT)]).collect();

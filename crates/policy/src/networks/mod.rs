@@ -6,9 +6,9 @@
 pub mod acceleration_mlp;
 pub mod fabric_head;
 pub mod fourier;
-pub mod hand_points;
 pub mod mlp;
 pub mod ngf;
+pub mod surface_vectors;
 
 use crate::LATENT_DIM;
 use crate::encoder;
@@ -31,7 +31,13 @@ pub enum ObservationKind {
     /// z of the point cloud, then the box around it ([`observation::cloud_box`]). z alone carries no size or
     /// height beyond those that the encoder was trained on.
     CloudAndBox,
+    /// As `CloudAndBox`, then [`NUM_SURFACE_POINTS`] points of the cloud (m, canonical frame), from which a network
+    /// computes [`surface_vectors`].
+    CloudAndSurface,
 }
+
+/// Number of cloud points in [`ObservationKind::CloudAndSurface`], the first ones in farthest-point order.
+pub const NUM_SURFACE_POINTS: usize = 256;
 
 impl ObservationKind {
     /// Number of values of the observation.
@@ -40,7 +46,13 @@ impl ObservationKind {
             Self::Cloud => LATENT_DIM,
             Self::Position => 3,
             Self::CloudAndBox => LATENT_DIM + BOX_DIM,
+            Self::CloudAndSurface => LATENT_DIM + BOX_DIM + 3 * NUM_SURFACE_POINTS,
         }
+    }
+
+    /// Number of values that are features of the object, without surface points.
+    pub fn num_features(self) -> usize {
+        self.dim().min(LATENT_DIM + BOX_DIM)
     }
 
     /// Whether the first [`LATENT_DIM`] values are z.
@@ -54,6 +66,15 @@ impl ObservationKind {
             Self::Cloud => latent,
             Self::Position => normalized_centroid(canonical),
             Self::CloudAndBox => [latent.as_slice(), &observation::cloud_box(canonical)].concat(),
+            Self::CloudAndSurface => {
+                let surface = (0..NUM_SURFACE_POINTS)
+                    .flat_map(|i| canonical.get(i % canonical.len().max(1)).copied())
+                    .flat_map(|point| point.to_array());
+                let mut values = Self::CloudAndBox.values(latent, canonical);
+                values.extend(surface);
+                values.resize(self.dim(), 0.0);
+                values
+            }
         }
     }
 }
@@ -130,8 +151,19 @@ impl PolicyConfig {
 pub struct NetworkInput<'a> {
     /// Joint state in the canonical frame.
     pub state: JointState,
-    /// z of the point cloud, or its centroid ([`ObservationKind`]).
+    /// z of the point cloud, or its centroid, or z and its box ([`ObservationKind`]).
     pub latent: &'a [f32],
+    /// Points of the surface (m, canonical frame; x, y, z in turn), empty for most observations.
+    pub surface: &'a [f32],
+}
+
+impl<'a> NetworkInput<'a> {
+    /// Input at a state (canonical frame), for the values of an observation.
+    pub fn new(state: JointState, observation: &'a [f32]) -> Self {
+        let num_features = ObservationKind::CloudAndSurface.num_features();
+        let (latent, surface) = observation.split_at(observation.len().min(num_features));
+        Self { state, latent, surface }
+    }
 }
 
 /// The network of a policy, with its weights.
@@ -150,7 +182,7 @@ impl Network {
         config: &PolicyConfig,
         tree: &KinematicTree,
     ) -> Result<Self, WeightsError> {
-        let observation_dim = config.observation.dim();
+        let observation_dim = config.observation.num_features();
         Ok(match &config.network {
             NetworkConfig::Ngf(ngf) => {
                 Self::Ngf(Box::new(Ngf::load(tensors, ngf, observation_dim, tree)?))
@@ -210,8 +242,12 @@ mod tests {
     #[test]
     fn values_of_an_observation_have_its_dimension() {
         let cloud = [Vec3::new(0.5, 0.0, -0.2), Vec3::new(0.9, 0.0, 0.0)];
-        let kinds =
-            [ObservationKind::Cloud, ObservationKind::Position, ObservationKind::CloudAndBox];
+        let kinds = [
+            ObservationKind::Cloud,
+            ObservationKind::Position,
+            ObservationKind::CloudAndBox,
+            ObservationKind::CloudAndSurface,
+        ];
         for kind in kinds {
             let z = if kind.has_latent() { vec![0.5; LATENT_DIM] } else { Vec::new() };
             let values = kind.values(z, &cloud);

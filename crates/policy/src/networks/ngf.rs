@@ -2,13 +2,15 @@
 //!
 //! q is in the canonical frame, with the object at azimuth 0 ([`crate::observation`]).
 
+use crate::networks::NetworkInput;
+#[cfg(doc)]
+use crate::networks::ObservationKind;
 use crate::networks::fabric_head::{NetworkOutputs, TRIANGLE_ENTRIES, unit_velocity};
 use crate::networks::fourier::{FourierFeatures, InputBlock, NUM_FEATURES};
-use crate::networks::hand_points::{self, HAND_DIM};
 use crate::networks::mlp::{Activation, Mlp};
-use crate::networks::{NetworkInput, ObservationKind};
+use crate::networks::surface_vectors::{self, SURFACE_DIM};
 use crate::weights::{Tensors, WeightsError};
-use robot::{DOF, JointState, JointVector, KinematicTree};
+use robot::{DOF, JointVector, KinematicTree};
 
 /// Number of units of each hidden layer (paper: three layers of 512).
 pub const HIDDEN_WIDTH: usize = 512;
@@ -40,10 +42,10 @@ pub struct NgfConfig {
     /// Length scale of z in F_ψ, if it differs from `latent_scale`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub potential_latent_scale: Option<f32>,
-    /// Length scale of the hand's position relative to the object ([`hand_points`]), an additional input of F_ψ.
-    /// `None`: no such input. It needs [`crate::ObservationKind::CloudAndBox`].
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub hand_scale: Option<f32>,
+    /// Whether the vectors from the hand to the nearest seen surface ([`surface_vectors`]) follow the features of F_ψ
+    /// as further inputs of its first layer. They need [`ObservationKind::CloudAndSurface`].
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub surface_vectors: bool,
     /// ψ per unit of network output, so that weights of order one yield accelerations of tens of rad/s².
     pub potential_scale: f32,
     /// κ: stiffness of a quadratic potential ½ κ |q - q̄|² that is added to ψ.
@@ -67,7 +69,7 @@ impl NgfConfig {
             latent_scale: 16.0,
             potential_position_scale: None,
             potential_latent_scale: None,
-            hand_scale: None,
+            surface_vectors: false,
             potential_scale: 100.0,
             base_stiffness: 450.0,
             potential_center: [0.0; DOF],
@@ -94,7 +96,6 @@ impl NgfConfig {
             ("latent_scale", self.latent_scale),
             ("potential_position_scale", potential_position),
             ("potential_latent_scale", potential_latent),
-            ("hand_scale", self.hand_scale.unwrap_or(1.0)),
         ];
         for (name, scale) in scales {
             if !(scale.is_finite() && scale > 0.0) {
@@ -186,10 +187,6 @@ impl Subnetwork {
         let qd = InputBlock { size: DOF, length_scale: config.velocity_scale };
         let z = InputBlock { size: observation_dim, length_scale: latent_scale };
         let seed = config.frequency_seed.wrapping_add(index as u64);
-        if let Some(length_scale) = config.hand_scale.filter(|_| index == POTENTIAL) {
-            let hand = InputBlock { size: HAND_DIM, length_scale };
-            return FourierFeatures::new(&[q, hand, z], seed);
-        }
         match self.velocity {
             VelocityInput::Absent => FourierFeatures::new(&[q, z], seed),
             _ => FourierFeatures::new(&[q, qd, z], seed),
@@ -198,23 +195,17 @@ impl Subnetwork {
 
     /// Layer widths, features first.
     pub fn widths(&self, config: &NgfConfig) -> [usize; 5] {
-        [NUM_FEATURES, config.hidden, config.hidden, config.hidden, self.num_outputs]
+        let has_vectors = config.surface_vectors && self.name == SUBNETWORKS[POTENTIAL].name;
+        let inputs = NUM_FEATURES + if has_vectors { SURFACE_DIM } else { 0 };
+        [inputs, config.hidden, config.hidden, config.hidden, self.num_outputs]
     }
 }
 
-/// Inputs of the network of an index of [`SUBNETWORKS`] (dimensionless): normalised q, the hand's position or the
-/// velocity if it has one, z.
-pub fn inputs(
-    index: usize,
-    config: &NgfConfig,
-    tree: &KinematicTree,
-    input: &NetworkInput,
-) -> Vec<f32> {
-    let NetworkInput { state, latent } = input;
+/// Inputs of the features of the network of an index of [`SUBNETWORKS`] (dimensionless): normalised q, the velocity if
+/// it has one, z.
+pub fn inputs(index: usize, tree: &KinematicTree, input: &NetworkInput) -> Vec<f32> {
+    let NetworkInput { state, latent, .. } = input;
     let mut x: Vec<f32> = tree.limits.normalize(&state.q).iter().map(|&q| q as f32).collect();
-    if index == POTENTIAL && config.hand_scale.is_some() {
-        x.extend(hand_points::hand_inputs(tree, &state.q, latent));
-    }
     match SUBNETWORKS[index].velocity {
         VelocityInput::Absent => {}
         VelocityInput::Unit => x.extend(unit_velocity(&state.qd).iter().map(|&v| v as f32)),
@@ -222,11 +213,6 @@ pub fn inputs(
     }
     x.extend(*latent);
     x
-}
-
-/// Number of inputs of F_ψ that depend on q; they come first.
-pub fn num_position_inputs(config: &NgfConfig) -> usize {
-    DOF + if config.hand_scale.is_some() { HAND_DIM } else { 0 }
 }
 
 /// The NGF with its weights.
@@ -246,12 +232,6 @@ impl Ngf {
         tree: &KinematicTree,
     ) -> Result<Self, WeightsError> {
         config.validate()?;
-        if config.hand_scale.is_some() && observation_dim != ObservationKind::CloudAndBox.dim() {
-            return Err(WeightsError::InvalidValue {
-                name: "hand_scale".into(),
-                value: "set, but the observation has no box".into(),
-            });
-        }
         let network = |(i, subnetwork): (usize, &Subnetwork)| {
             let mlp =
                 Mlp::load(tensors, subnetwork.name, &subnetwork.widths(config), Activation::Elu)?;
@@ -269,15 +249,16 @@ impl Ngf {
         let (driving_metrics, damping) = (apply(DRIVING_METRIC), apply(DAMPING));
         let features = self.features(POTENTIAL, batch);
         let feature_gradients = self.networks[POTENTIAL].1.gradient(&features);
+        let width = features.len() / batch.len().max(1);
         let row = |i: usize| {
             let entries = i * TRIANGLE_ENTRIES..(i + 1) * TRIANGLE_ENTRIES;
-            let of_row = i * NUM_FEATURES..(i + 1) * NUM_FEATURES;
+            let of_row = i * width..(i + 1) * width;
             NetworkOutputs {
                 geometry_metric: geometry_metrics[entries.clone()].to_vec(),
                 geometry: geometries[i * DOF..(i + 1) * DOF].to_vec(),
                 driving_metric: driving_metrics[entries].to_vec(),
                 potential_gradient: self.potential_gradient(
-                    &batch[i].state,
+                    &batch[i],
                     &features[of_row.clone()],
                     &feature_gradients[of_row],
                 ),
@@ -287,27 +268,39 @@ impl Ngf {
         (0..batch.len()).map(row).collect()
     }
 
-    /// Fourier features of network `i`, shape (batch, NUM_FEATURES).
+    /// Inputs of the first layer of network `i`, shape (batch, NUM_FEATURES), or (batch, NUM_FEATURES + SURFACE_DIM):
+    /// Fourier features, then surface vectors.
     fn features(&self, i: usize, batch: &[NetworkInput]) -> Vec<f32> {
-        let row = |input: &NetworkInput| inputs(i, &self.config, &self.tree, input);
-        self.networks[i].0.features(&batch.iter().flat_map(row).collect::<Vec<f32>>())
+        let row = |input: &NetworkInput| inputs(i, &self.tree, input);
+        let features =
+            self.networks[i].0.features(&batch.iter().flat_map(row).collect::<Vec<f32>>());
+        if i != POTENTIAL || !self.config.surface_vectors {
+            return features;
+        }
+        let rows = batch.iter().zip(features.chunks_exact(NUM_FEATURES));
+        let with_vectors = rows.flat_map(|(input, features)| {
+            let vectors =
+                surface_vectors::surface_vectors(&self.tree, &input.state.q, input.surface);
+            features.iter().copied().chain(vectors)
+        });
+        with_vectors.collect()
     }
 
     /// ∂ψ/∂q at a state, given the features and the gradient with respect to them.
-    fn potential_gradient(&self, state: &JointState, features: &[f32], of: &[f32]) -> Vec<f32> {
-        let count = num_position_inputs(&self.config);
-        let gradient = self.networks[POTENTIAL].0.vjp(features, of, count);
-        let (of_joints, of_hand) = gradient.split_at(DOF);
+    fn potential_gradient(&self, input: &NetworkInput, features: &[f32], of: &[f32]) -> Vec<f32> {
+        let state = &input.state;
+        let (of_features, of_vectors) = of.split_at(NUM_FEATURES);
+        let of_joints = self.networks[POTENTIAL].0.vjp(&features[..NUM_FEATURES], of_features, DOF);
         // q is normalised over its range, which maps to two units.
         let limits = &self.tree.limits;
         let per_radian = (limits.upper - limits.lower).map(|range| 2.0 / range as f32);
         let scale = self.config.potential_scale;
         let joints = of_joints.iter().zip(&per_radian);
         let mut of_q: Vec<f32> = joints.map(|(g, per_radian)| g * scale * per_radian).collect();
-        if !of_hand.is_empty() {
-            let jacobian = hand_points::hand_jacobian(&self.tree, &state.q);
+        if !of_vectors.is_empty() {
+            let jacobian = surface_vectors::surface_jacobian(&self.tree, &state.q, input.surface);
             for (joint, g) in of_q.iter_mut().enumerate() {
-                let column = of_hand.iter().enumerate().map(|(i, h)| jacobian[(i, joint)] * h);
+                let column = of_vectors.iter().enumerate().map(|(i, v)| jacobian[(i, joint)] * v);
                 *g += scale * column.sum::<f32>();
             }
         }
@@ -339,13 +332,15 @@ impl Ngf {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::networks::ObservationKind;
     use crate::networks::mlp::Dense;
+    use robot::JointState;
 
     /// An NGF with weights of order one, and an observation for it.
     fn wavy(config: NgfConfig) -> (Ngf, Vec<f32>) {
-        let kind = match config.hand_scale {
-            Some(_) => ObservationKind::CloudAndBox,
-            None => ObservationKind::Cloud,
+        let kind = match config.surface_vectors {
+            true => ObservationKind::CloudAndSurface,
+            false => ObservationKind::Cloud,
         };
         let dense = |(i, pair): (usize, &[usize])| {
             let wave = |k: usize| libm::sinf((k * k + i) as f32);
@@ -358,26 +353,32 @@ mod tests {
         let network = |(i, subnetwork): (usize, &Subnetwork)| {
             let layers = subnetwork.widths(&config).windows(2).enumerate().map(dense).collect();
             let mlp = Mlp { layers, activation: Activation::Elu };
-            (subnetwork.fourier(&config, kind.dim(), i), mlp)
+            (subnetwork.fourier(&config, kind.num_features(), i), mlp)
         };
         let networks = SUBNETWORKS.iter().enumerate().map(network).collect();
         let tree = KinematicTree::iiwa7_allegro().unwrap();
-        let observation = (0..kind.dim()).map(|i| libm::cosf(i as f32)).collect();
+        // A single surface point: ψ is not continuous where the nearest point changes.
+        let surface_point = [0.4, 0.1, 0.05];
+        let value = |i: usize| match i.checked_sub(kind.num_features()) {
+            Some(i) => surface_point[i % 3],
+            None => libm::cosf(i as f32),
+        };
+        let observation = (0..kind.dim()).map(value).collect();
         (Ngf { tree, config: config.clone(), networks }, observation)
     }
 
     #[test]
     fn driving_force_is_the_gradient_of_the_potential() {
-        for hand_scale in [None, Some(12.0)] {
+        for surface_vectors in [false, true] {
             // Unit scale and no quadratic potential: single precision then resolves the network's gradient.
             let config = NgfConfig {
                 base_stiffness: 0.0,
                 potential_scale: 1.0,
-                hand_scale,
+                surface_vectors,
                 ..NgfConfig::tiny()
             };
             let (mut ngf, z) = wavy(config);
-            let at = |q: JointVector| NetworkInput { state: JointState::at_rest(q), latent: &z };
+            let at = |q: JointVector| NetworkInput::new(JointState::at_rest(q), &z);
             let q = JointVector::from_fn(|i, _| 0.5 * libm::sin(i as f64));
             let gradient = ngf.outputs(&[at(q)])[0].potential_gradient.clone();
             let step = 0.005;

@@ -28,7 +28,7 @@ struct Architecture {
 
 /// Architecture of a configuration; an error for a fabric.
 fn architecture(config: &PolicyConfig) -> Result<Architecture> {
-    let observation_dim = config.observation.dim();
+    let observation_dim = config.observation.num_features();
     Ok(match &config.network {
         NetworkConfig::Mlp(mlp) => Architecture {
             prefix: TENSOR_PREFIX,
@@ -85,9 +85,7 @@ impl DirectNetwork {
         let x: Vec<f32> = states
             .iter()
             .zip(observations)
-            .flat_map(|(state, latent)| {
-                inputs(&self.limits, &NetworkInput { state: *state, latent })
-            })
+            .flat_map(|(state, latent)| inputs(&self.limits, &NetworkInput::new(*state, latent)))
             .collect();
         let x = Tensor::from_vec(x.clone(), (states.len(), x.len() / states.len()), &Device::Cpu)?;
         let features = match &self.frequencies {

@@ -44,7 +44,7 @@ impl Network {
     pub fn new(config: &PolicyConfig, tree: &KinematicTree) -> Result<Self> {
         Ok(match &config.network {
             NetworkConfig::Ngf(ngf) => {
-                Self::Ngf(Box::new(Ngf::new(ngf, config.observation.dim(), tree)?))
+                Self::Ngf(Box::new(Ngf::new(ngf, config.observation.num_features(), tree)?))
             }
             _ => Self::Direct(Box::new(DirectNetwork::new(config, &tree.limits)?)),
         })
@@ -123,11 +123,11 @@ mod tests {
     fn batched_networks_match_the_inference_networks() {
         let tree = KinematicTree::iiwa7_allegro().unwrap();
         let named = POLICY_NAMES.map(|name| (name, PolicyConfig::by_name(name).unwrap()));
-        let with_hand = PolicyConfig {
-            observation: ObservationKind::CloudAndBox,
-            network: NetworkConfig::Ngf(NgfConfig { hand_scale: Some(2.0), ..NgfConfig::paper() }),
+        let with_vectors = PolicyConfig {
+            observation: ObservationKind::CloudAndSurface,
+            network: NetworkConfig::Ngf(NgfConfig { surface_vectors: true, ..NgfConfig::paper() }),
         };
-        for (name, config) in named.into_iter().chain([("hand", with_hand)]) {
+        for (name, config) in named.into_iter().chain([("surface vectors", with_vectors)]) {
             let mut params = Params::default();
             init(&mut params, &config, &mut ChaCha8Rng::seed_from_u64(4)).unwrap();
             // Initial last layers are zero. Nonzero weights, rounded to half precision, make the comparison
@@ -150,7 +150,7 @@ mod tests {
             let observations = vec![observation.as_slice(); 8];
             let got = network.forward(&params, &states, &observations).unwrap();
             for (state, got) in states.iter().zip(got.accelerations.to_vec2::<f32>().unwrap()) {
-                let input = NetworkInput { state: *state, latent: &observation };
+                let input = NetworkInput::new(*state, &observation);
                 let expected = inference.accelerations(&[input])[0].unwrap();
                 let error_of = |i: usize| (f64::from(got[i]) - expected[i]).abs();
                 let error = (0..DOF).map(error_of).fold(0.0, f64::max);

@@ -9,13 +9,12 @@ use crate::nn::{Params, linear, mlp};
 use anyhow::Result;
 use candle_core::{DType, Device, Tensor};
 use policy::NetworkInput;
-use policy::networks::fourier::{FourierFeatures, NUM_FREQUENCIES};
-use policy::networks::hand_points;
+use policy::networks::fourier::{FourierFeatures, NUM_FEATURES, NUM_FREQUENCIES};
 use policy::networks::mlp::Activation;
 use policy::networks::ngf::{
     DAMPING, DRIVING_METRIC, GEOMETRY, GEOMETRY_METRIC, NgfConfig, POTENTIAL, SUBNETWORKS, inputs,
-    num_position_inputs,
 };
+use policy::networks::surface_vectors::{SURFACE_DIM, surface_jacobian, surface_vectors};
 use rand_chacha::ChaCha8Rng;
 use robot::{DOF, JointState, JointVector, KinematicTree};
 use std::ops::Range;
@@ -143,6 +142,7 @@ impl Ngf {
         z: &[&[f32]],
     ) -> Result<Tensor> {
         let features = self.features(part, states, z)?;
+        // Only F_ψ has further inputs, and it does not get here.
         Ok(mlp(&features.tensor(), params, SUBNETWORKS[part].name, NUM_LAYERS, Activation::Elu)?)
     }
 
@@ -151,8 +151,7 @@ impl Ngf {
         let (fourier, frequencies) = &self.fourier[part];
         let mut x = Vec::with_capacity(states.len() * fourier.num_inputs);
         for (state, z) in states.iter().zip(z) {
-            let input = NetworkInput { state: *state, latent: z };
-            x.extend(inputs(part, &self.config, &self.tree, &input));
+            x.extend(inputs(part, &self.tree, &NetworkInput::new(*state, z)));
         }
         let x = Tensor::from_vec(x, (states.len(), fourier.num_inputs), &Device::Cpu)?;
         Ok(FeatureBatch::from_phases(&x.matmul(frequencies)?)?)
@@ -167,7 +166,7 @@ impl Ngf {
     ) -> Result<Tensor> {
         let name = SUBNETWORKS[POTENTIAL].name;
         let features = self.features(POTENTIAL, states, z)?;
-        let mut hidden = vec![features.tensor()];
+        let mut hidden = vec![self.with_vectors(&features, states, z)?];
         for layer in 0..NUM_LAYERS - 1 {
             let name = format!("{name}.{layer}");
             hidden.push(linear(&hidden[layer], params, &name, Some(Activation::Elu))?);
@@ -181,14 +180,13 @@ impl Ngf {
             gradient = gradient.apply_op2(&hidden[layer + 1], EluBackward)?;
             gradient = gradient.apply_op2(&weight, MatmulNT { accumulator })?;
         }
-        let of_phases = features.vjp(&gradient)?;
+        let of_phases = features.vjp(&gradient.narrow(1, 0, NUM_FEATURES)?)?;
         let frequencies = &self.fourier[POTENTIAL].1;
         let of_joints = of_phases.matmul(&frequencies.narrow(0, 0, DOF)?.t()?)?;
         let mut of_network = of_joints.broadcast_mul(&self.slope)?;
-        let num_hand_inputs = num_position_inputs(&self.config) - DOF;
-        if num_hand_inputs > 0 {
-            let of_hand = of_phases.matmul(&frequencies.narrow(0, DOF, num_hand_inputs)?.t()?)?;
-            of_network = (of_network + self.pull_back(&of_hand, states)?)?;
+        if self.config.surface_vectors {
+            let of_vectors = gradient.narrow(1, NUM_FEATURES, SURFACE_DIM)?;
+            of_network = (of_network + self.pull_back(&of_vectors, states, z)?)?;
         }
         let NgfConfig { base_stiffness, potential_center, .. } = self.config;
         let center = JointVector::from(potential_center);
@@ -198,20 +196,46 @@ impl Ngf {
         Ok((of_network + Tensor::from_vec::<_, f32>(base, (states.len(), DOF), &Device::Cpu)?)?)
     }
 
-    /// Gradient of ψ with respect to q, shape (B, DOF), from that with respect to the hand's position.
-    fn pull_back(&self, of_hand: &Tensor, states: &[JointState]) -> Result<Tensor> {
+    /// Inputs of the first layer of F_ψ: features, then surface vectors if it has them.
+    fn with_vectors(
+        &self,
+        features: &FeatureBatch,
+        states: &[JointState],
+        z: &[&[f32]],
+    ) -> Result<Tensor> {
+        if !self.config.surface_vectors {
+            return Ok(features.tensor());
+        }
+        let vectors = states.iter().zip(z).flat_map(|(state, z)| {
+            surface_vectors(&self.tree, &state.q, NetworkInput::new(*state, z).surface)
+        });
+        let shape = (states.len(), SURFACE_DIM);
+        let vectors = Tensor::from_vec(vectors.collect::<Vec<f32>>(), shape, &Device::Cpu)?;
+        Ok(Tensor::cat(&[features.tensor(), vectors], 1)?)
+    }
+
+    /// Gradient of ψ with respect to q, shape (B, DOF), from that with respect to the surface vectors.
+    fn pull_back(
+        &self,
+        of_vectors: &Tensor,
+        states: &[JointState],
+        z: &[&[f32]],
+    ) -> Result<Tensor> {
         let scale = self.config.potential_scale;
         let jacobians: Vec<f32> = states
             .iter()
-            .flat_map(|state| {
+            .zip(z)
+            .flat_map(|(state, z)| {
+                let surface = NetworkInput::new(*state, z).surface;
                 // Column-major: the values of one joint are contiguous, as in a row-major transpose.
-                let jacobian = hand_points::hand_jacobian(&self.tree, &state.q) * scale;
+                let jacobian = surface_jacobian(&self.tree, &state.q, surface) * scale;
                 jacobian.iter().copied().collect::<Vec<_>>()
             })
             .collect();
-        let shape = (states.len(), DOF, hand_points::HAND_DIM);
+        let shape = (states.len(), DOF, SURFACE_DIM);
         let transposed = Tensor::from_vec(jacobians, shape, &Device::Cpu)?;
-        Ok(transposed.matmul(&of_hand.unsqueeze(2)?)?.squeeze(2)?)
+        let of_vectors = of_vectors.contiguous()?.unsqueeze(2)?;
+        Ok(transposed.matmul(&of_vectors)?.squeeze(2)?)
     }
 }
 
