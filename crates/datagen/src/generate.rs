@@ -84,12 +84,11 @@ pub fn read_grasps(dataset: &Dataset, name: &str) -> Result<GraspSet> {
     read_grasp_file(&dataset.grasps_path(name))
 }
 
-/// Reads the ratings of an object's grasps; empty without [`DatasetConfig::consistent_grasps`].
+/// Reads the ratings of an object's grasps; empty for datasets without them: those without
+/// [`DatasetConfig::consistent_grasps`], and those of format versions before 25.
 pub fn read_grasp_ratings(dataset: &Dataset, name: &str) -> Result<Vec<GraspRating>> {
-    match dataset.config.consistent_grasps {
-        true => read_ratings(&dataset.ratings_path(name)),
-        false => Ok(Vec::new()),
-    }
+    let path = dataset.ratings_path(name);
+    if path.exists() { read_ratings(&path) } else { Ok(Vec::new()) }
 }
 
 pub(crate) fn read_grasp_file(path: &Path) -> Result<GraspSet> {

@@ -112,7 +112,7 @@ mod tests {
     use super::*;
     use robot::{Isometry, rotation};
 
-    /// Points of a surface below and beside the hand at `q`.
+    /// Surface points within 12 cm of the palm at `q`, along each axis.
     fn surface(tree: &KinematicTree, q: &JointVector) -> Vec<f32> {
         let palm = tree.forward_kinematics(q).palm_pose().translation.vector;
         let point = |k: usize| {
