@@ -37,7 +37,8 @@ fn inference_and_training_networks_agree_on_dataset_states() {
     let runs = policy::Network::load(&weights, &config.policy, &robot.tree).unwrap();
 
     let observation = config.policy.observation;
-    let (train, held_out) = split::train_val_split(&dataset, &encoder, observation, 3).unwrap();
+    let (train, held_out) =
+        split::train_val_split(std::slice::from_ref(&dataset), &encoder, observation, 3).unwrap();
     let mut compared = 0;
     let mut max_error = 0.0f64;
     for lesson in train.iter().chain(&held_out) {

@@ -43,7 +43,8 @@ fn tiny_model_is_trained_resumed_and_executed() {
     autoencoder::train(&dataset, &steps, &out, &mut |_: &TrainingStatus| Ok(true)).unwrap();
     let encoder = TrainedEncoder::load(&out).unwrap();
     let (train, held_out) =
-        split::train_val_split(&dataset, &encoder, ObservationKind::Cloud, 3).unwrap();
+        split::train_val_split(std::slice::from_ref(&dataset), &encoder, ObservationKind::Cloud, 3)
+            .unwrap();
     assert_eq!(train.len(), 3 * dataset.config.num_azimuths, "one group per pose and azimuth");
     assert!(train.iter().all(|lesson| lesson.pose < 3));
     assert!(!held_out.is_empty() && held_out.iter().all(|lesson| lesson.pose == 9));

@@ -6,7 +6,7 @@
 use crate::clouds::CloudRenderer;
 use crate::demonstrations::{PoseGrasps, PoseTask};
 use crate::poses::low_discrepancy_pose;
-use crate::shared_grasps::{ConsistentGrasps, read_ratings};
+use crate::shared_grasps::ConsistentGrasps;
 use anyhow::{Context, Result, bail};
 use configs::DatasetConfig;
 use dataset::Dataset;
@@ -29,6 +29,7 @@ use progress::Progress;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
+use serde::de::DeserializeOwned;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -81,19 +82,20 @@ pub fn generate(
 
 /// Reads the grasps of an object.
 pub fn read_grasps(dataset: &Dataset, name: &str) -> Result<GraspSet> {
-    read_grasp_file(&dataset.grasps_path(name))
+    read_json(&dataset.grasps_path(name))
 }
 
 /// Reads the ratings of an object's grasps; empty for datasets without them: those without
 /// [`DatasetConfig::consistent_grasps`], and those of format versions before 25.
 pub fn read_grasp_ratings(dataset: &Dataset, name: &str) -> Result<Vec<GraspRating>> {
     let path = dataset.ratings_path(name);
-    if path.exists() { read_ratings(&path) } else { Ok(Vec::new()) }
+    if path.exists() { read_json(&path) } else { Ok(Vec::new()) }
 }
 
-pub(crate) fn read_grasp_file(path: &Path) -> Result<GraspSet> {
-    let bytes = atomic_file::read(path)?;
-    serde_json::from_slice(&bytes).with_context(|| format!("{} is damaged", path.display()))
+/// Reads the grasps of an object, or their ratings.
+pub(crate) fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T> {
+    let value = serde_json::from_slice(&atomic_file::read(path)?);
+    value.with_context(|| format!("{} is damaged; delete it and resume", path.display()))
 }
 
 /// Writes the files of one dataset.

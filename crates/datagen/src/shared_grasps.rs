@@ -1,7 +1,7 @@
 //! Grasps that similar objects share: each object also gets the grasps that its neighbours prefer, if its own
 //! search has found none like them.
 
-use crate::generate::{FileBatch, Generator, SURFACE_POINTS, read_grasp_file};
+use crate::generate::{FileBatch, Generator, SURFACE_POINTS, read_json};
 use crate::grasp_options::{PoseOptions, describe};
 use crate::grasp_order::{GraspOrder, NeighborGrasp, order_grasps};
 use anyhow::{Context, Result};
@@ -16,7 +16,7 @@ use grasps::set::k_medoids::palm_distance;
 use grasps::set::symmetry::expand_by_symmetry;
 use grasps::{Grasp, GraspSet, RobotContext};
 use robot::{Isometry, Vector, rotation};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Rounds: the distance (m) from the median of its neighbours beyond which a preferred grasp is replaced, if theirs can
 /// be adapted to the object.
@@ -76,7 +76,7 @@ impl Generator<'_> {
 
     fn read_sets(&self, path: impl Fn(&str) -> PathBuf) -> Result<Vec<GraspSet>> {
         let names = self.dataset.config.objects.iter();
-        names.map(|name| read_grasp_file(&path(name))).collect()
+        names.map(|name| read_json(&path(name))).collect()
     }
 
     /// Ratings of all grasps, per object. `known`: those of the first grasps of each set.
@@ -109,7 +109,7 @@ impl Generator<'_> {
             }
             Ok(serde_json::to_vec(&ratings)?)
         })?;
-        (0..names.len()).map(|i| read_ratings(&path(i))).collect()
+        (0..names.len()).map(|i| read_json(&path(i))).collect()
     }
 
     /// Reachable grasps at every pose of every object, after some rounds.
@@ -165,11 +165,6 @@ impl Generator<'_> {
         });
         most_wanted(missing.collect(), tolerance)
     }
-}
-
-pub(crate) fn read_ratings(path: &Path) -> Result<Vec<GraspRating>> {
-    let ratings = serde_json::from_slice(&atomic_file::read(path)?);
-    ratings.with_context(|| format!("{} is damaged; delete it and resume", path.display()))
 }
 
 /// Palm pose (object frame) at a pose `to`, that relates to robot and position of the object as a grasp does at `from`.

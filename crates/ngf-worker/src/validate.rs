@@ -38,8 +38,12 @@ pub(crate) fn run(options: &Options) -> Result<()> {
     let encoder = TrainedEncoder::from_model(&weights)?;
     let data = Dataset::open(&options.dataset)?;
     let observation = config.policy.observation;
-    let (train, held_out) =
-        split::train_val_split(&data, &encoder, observation, max_training_poses(&options.model))?;
+    let (train, held_out) = split::train_val_split(
+        std::slice::from_ref(&data),
+        &encoder,
+        observation,
+        max_training_poses(&options.model),
+    )?;
     println!("{:18} {:>18} {:>18}", "fingertip error, mm", "train", "held out");
     let mut all = [Vec::new(), Vec::new()];
     for (object, name) in data.config.objects.iter().enumerate() {

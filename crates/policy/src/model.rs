@@ -112,7 +112,7 @@ impl Model {
             decoder: Decoder::load(&tensors)?,
             observation_kind: config.policy.observation,
             network: Network::load(&tensors, &config.policy, tree)?,
-            start_model: StartModel::load(starts, config.policy.observation.dim(), tree)?,
+            start_model: StartModel::load(starts, config.policy.observation.num_features(), tree)?,
         })
     }
 

@@ -4,7 +4,7 @@
 //! robot's vertical axis to azimuth 0. The robot's first joint has this axis, so the rotated task is the same
 //! task. This removes one of the three dimensions of an object's pose from the learning problem.*
 
-use crate::networks::NetworkInput;
+use crate::networks::{NetworkInput, ObservationKind};
 use geometry::Vec3;
 use robot::{Isometry, JointState, JointVector, Vector, rotation};
 
@@ -79,6 +79,11 @@ pub fn box_center(sides: &[f32]) -> Vector {
 }
 
 impl Observation {
+    /// The values without surface points ([`ObservationKind::num_features`]).
+    pub fn features(&self) -> &[f32] {
+        &self.latent[..self.latent.len().min(ObservationKind::CloudAndSurface.num_features())]
+    }
+
     /// Converts a state from the base frame to the canonical frame: the first joint is shifted by the azimuth.
     pub fn state_to_canonical(&self, state: &JointState) -> JointState {
         JointState { q: self.to_canonical(&state.q), qd: state.qd }

@@ -80,7 +80,7 @@ pub struct PoseStarts {
 pub fn collect_starts(groups: &[DemoGroup]) -> Vec<PoseStarts> {
     let of = |group: &DemoGroup| PoseStarts {
         pose: group.pose,
-        z: group.encodings[0].latent.clone(),
+        z: group.encodings[0].features().to_vec(),
         q: group.starts().collect(),
     };
     groups.iter().filter(|group| group.has_starts && group.is_trainable()).map(of).collect()
@@ -90,7 +90,7 @@ pub fn collect_starts(groups: &[DemoGroup]) -> Vec<PoseStarts> {
 /// the same grasp.
 pub fn link_neighbor_starts(groups: &mut [DemoGroup], starts: &[PoseStarts]) {
     groups.par_iter_mut().filter(|group| group.is_trainable()).for_each(|group| {
-        let z = &group.encodings[0].latent;
+        let z = group.encodings[0].features();
         let distance = |other: &PoseStarts| -> f32 {
             other.z.iter().zip(z).map(|(a, b)| (a - b) * (a - b)).sum()
         };

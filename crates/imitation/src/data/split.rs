@@ -16,19 +16,27 @@ pub fn is_held_out(index: usize) -> bool {
     index % 10 == 9
 }
 
-/// Demonstration groups of a dataset: the training set, and the held-out set from all held-out poses.
+/// Demonstration groups of several datasets: the training set, and the held-out set from all held-out poses.
 ///
-/// The training set contains the first `max_poses` poses of each object, without the held-out poses.
+/// The training set contains the first `max_poses` poses of each object, without the held-out poses. Poses are counted
+/// over the objects of all datasets.
 pub fn train_val_split(
-    dataset: &Dataset,
+    datasets: &[Dataset],
     encoder: &TrainedEncoder,
     observation: ObservationKind,
     max_poses: usize,
 ) -> Result<(Vec<DemoGroup>, Vec<DemoGroup>)> {
-    let objects = (0..dataset.config.objects.len()).into_par_iter();
-    let by_object = objects
-        .map(|object| split_object(dataset, encoder, observation, max_poses, object))
-        .collect::<Result<Vec<_>>>()?;
+    let (mut objects, mut first_pose) = (Vec::new(), 0);
+    for dataset in datasets {
+        for object in 0..dataset.config.objects.len() {
+            objects.push((dataset, object, first_pose));
+            first_pose += dataset.config.poses;
+        }
+    }
+    let split = |(dataset, object, first_pose)| {
+        split_object(dataset, encoder, observation, max_poses, object, first_pose)
+    };
+    let by_object = objects.into_par_iter().map(split).collect::<Result<Vec<_>>>()?;
     let (train, held_out): (Vec<_>, Vec<_>) = by_object.into_iter().unzip();
     let [mut train, mut held_out] =
         [train, held_out].map(|groups| groups.into_iter().flatten().collect::<Vec<DemoGroup>>());
@@ -38,13 +46,14 @@ pub fn train_val_split(
     Ok((train, held_out))
 }
 
-/// Training and held-out groups of one object, by its index.
+/// Training and held-out groups of one object, by its index in the dataset. `first_pose`: index of its first pose.
 fn split_object(
     dataset: &Dataset,
     encoder: &TrainedEncoder,
     observation: ObservationKind,
     max_poses: usize,
     object: usize,
+    first_pose: usize,
 ) -> Result<(Vec<DemoGroup>, Vec<DemoGroup>)> {
     let name: Arc<str> = dataset.config.objects[object].as_str().into();
     let (mut train, mut held_out) = (Vec::new(), Vec::new());
@@ -61,7 +70,7 @@ fn split_object(
             let groups = if is_held_out(index) { &mut held_out } else { &mut train };
             groups.extend(grasps.iter().map(|grasp| DemoGroup {
                 object: name.clone(),
-                pose: object * dataset.config.poses + index,
+                pose: first_pose + index,
                 demonstrations: grasp.rotated(*turn),
                 encodings: encodings.to_vec(),
                 has_starts: *turn == 0.0,

@@ -48,7 +48,7 @@ pub fn model_files(
         for trajectory in 0..group.demonstrations.num_trajectories().min(STARTS_PER_GRASP) {
             let (first, _) = group.demonstrations.row_range(trajectory);
             let observation = &group.encodings[0];
-            z.extend(&observation.latent);
+            z.extend(observation.features());
             let start = observation.to_canonical(&group.demonstrations.state(first).q);
             q.extend(start.iter().map(|x| *x as f32));
             match objects.last_mut().filter(|(name, _)| *name == &*group.object) {
@@ -59,7 +59,7 @@ pub fn model_files(
     }
     let count = q.len() / DOF;
     let mut table = Params::default();
-    table.add("starts.z", &[count, config.policy.observation.dim()], z)?;
+    table.add("starts.z", &[count, config.policy.observation.num_features()], z)?;
     table.add("starts.q", &[count, DOF], q)?;
     let metadata = HashMap::from([(OBJECTS_KEY.to_owned(), serde_json::to_string(&objects)?)]);
     let starts = merge_safetensors(&[table.export(&[])?], Some(metadata))?;

@@ -35,6 +35,9 @@ pub(crate) struct Options {
     /// same encoder can be compared
     #[arg(long, value_name = "DIR", conflicts_with = "init_from")]
     encoder: Option<PathBuf>,
+    /// Folder of a further dataset whose demonstrations are also used; repeatable
+    #[arg(long, value_name = "DIR")]
+    add_dataset: Vec<PathBuf>,
     /// Policy to train: network and observation
     #[arg(long, value_name = "NAME", default_value = "ngf-pcd", value_parser = POLICY_NAMES)]
     #[arg(conflicts_with = "init_from")]
@@ -105,8 +108,12 @@ pub(super) fn train(options: &Options) -> Result<()> {
     }
     let poses = options.max_poses.unwrap_or(usize::MAX);
     let observation = config.policy.observation;
-    let dataset = Dataset::open(&run.dataset)?;
-    let (train, held_out) = split::train_val_split(&dataset, &encoder, observation, poses)?;
+    let folders = std::iter::once(&run.dataset).chain(&options.add_dataset);
+    let datasets = folders.map(|folder| Dataset::open(folder)).collect::<Result<Vec<_>>>()?;
+    // The process has one worker thread, because matrix products stay on the calling thread.
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(run.threads).build()?;
+    let split = || split::train_val_split(&datasets, &encoder, observation, poses);
+    let (train, held_out) = pool.install(split)?;
     println!("{} demonstration groups for training; {} held out", train.len(), held_out.len());
     if let (NetworkConfig::Ngf(ngf), None) = (&mut config.policy.network, &init) {
         ngf.potential_center = demo_group::mean_configuration(&train);
@@ -114,17 +121,20 @@ pub(super) fn train(options: &Options) -> Result<()> {
     let hash = |weights: &Vec<u8>| blake3::hash(weights).to_hex().to_string();
     let record = TrainingRecord {
         config: config.clone(),
-        dataset_hash: dataset.hash()?,
+        dataset_hash: datasets[0].hash()?,
+        added_dataset_hashes: datasets[1..].iter().map(Dataset::hash).collect::<Result<_>>()?,
         encoder_hash: encoder.hash()?,
         max_poses: options.max_poses,
         init_weights_hash: init.as_ref().map(|(weights, _)| hash(weights)),
     };
 
+    let objects: Vec<String> =
+        datasets.iter().flat_map(|dataset| dataset.config.objects.iter().cloned()).collect();
     let mut examiner = ValidationCallback {
         config: &config,
         encoder: &encoder,
         groups: [("train", &train), ("held_out", &held_out)],
-        validation: Validation::new(&dataset.config.objects, run.threads)?,
+        validation: Validation::new(&objects, run.threads)?,
         log: TrainingLog::open(&run.out, "policy", "loss (rad/s²)", config.batch)?,
         record: serde_json::to_vec_pretty(&record)?,
         out: &run.out,
@@ -143,6 +153,9 @@ struct TrainingRecord {
     config: DaggerConfig,
     /// Hash of the dataset.
     dataset_hash: String,
+    /// Hashes of the added datasets.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    added_dataset_hashes: Vec<String>,
     /// Hash of the encoder's weights.
     encoder_hash: String,
     /// Maximum training poses per object, if limited.

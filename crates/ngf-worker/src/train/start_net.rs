@@ -47,7 +47,7 @@ pub(super) fn train(options: &Options) -> Result<()> {
     let robot = RobotContext::standard()?;
     let observation = ModelConfig::parse(&config_json)?.policy.observation;
     let load = |bytes: &[u8]| -> Result<StartModel, WeightsError> {
-        StartModel::load(bytes, observation.dim(), &robot.tree)
+        StartModel::load(bytes, observation.num_features(), &robot.tree)
     };
     let StartModel::Table(table) = load(&read(STARTS_FILE)?)? else {
         anyhow::bail!(

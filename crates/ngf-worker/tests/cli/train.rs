@@ -178,7 +178,7 @@ fn invalid_options_are_rejected() {
 }
 
 #[test]
-fn fewer_poses_give_fewer_demonstration_groups() {
+fn poses_and_added_datasets_determine_the_demonstration_groups() {
     let groups = |words: &[&str]| {
         let out = tempfile::tempdir().unwrap();
         let few = ["train", "policy", "--batch", "4", "--steps", "4"];
@@ -189,6 +189,7 @@ fn fewer_poses_give_fewer_demonstration_groups() {
     };
     let (all, fewer) = (groups(&[]), groups(&["--max-poses", "1"]));
     assert!(0 < fewer && fewer < all, "{fewer} of {all}");
+    assert_eq!(groups(&["--add-dataset", TRAINED.data.to_str().unwrap()]), 2 * all);
 }
 
 #[test]
