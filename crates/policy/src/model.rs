@@ -31,9 +31,29 @@ pub struct ModelConfig {
     pub version: u32,
     /// Observation, architecture and scales of the policy.
     pub policy: PolicyConfig,
+    /// Number of start configurations from which the policy is rolled out, without physics, before an attempt. The one
+    /// that leads nearest to the observed surface is used. 1: the nearest start, without a rollout.
+    #[serde(default = "one", skip_serializing_if = "is_one")]
+    pub start_candidates: usize,
+}
+
+/// Maximum of [`ModelConfig::start_candidates`]; larger values are rejected as invalid.
+const MAX_START_CANDIDATES: usize = 64;
+
+fn one() -> usize {
+    1
+}
+
+fn is_one(count: &usize) -> bool {
+    *count == 1
 }
 
 impl ModelConfig {
+    /// The configuration of a policy that uses the nearest start.
+    pub fn new(policy: PolicyConfig) -> Self {
+        Self { version: MODEL_VERSION, policy, start_candidates: 1 }
+    }
+
     /// Parses a configuration; versions other than [`MODEL_VERSION`] are errors.
     pub fn parse(bytes: &[u8]) -> Result<Self, WeightsError> {
         #[derive(serde::Deserialize)]
@@ -42,7 +62,14 @@ impl ModelConfig {
             version: u32,
         }
         match serde_json::from_slice::<Versioned>(bytes)?.version {
-            MODEL_VERSION => Ok(serde_json::from_slice(bytes)?),
+            MODEL_VERSION => {
+                let config: Self = serde_json::from_slice(bytes)?;
+                if (1..=MAX_START_CANDIDATES).contains(&config.start_candidates) {
+                    return Ok(config);
+                }
+                let value = config.start_candidates.to_string();
+                Err(WeightsError::InvalidValue { name: "start_candidates".into(), value })
+            }
             found => Err(WeightsError::Version { found, wanted: MODEL_VERSION }),
         }
     }
@@ -95,6 +122,8 @@ pub struct Model {
     pub network: Network,
     /// Start configurations of attempts.
     pub start_model: StartModel,
+    /// [`ModelConfig::start_candidates`].
+    pub start_candidates: usize,
 }
 
 impl Model {
@@ -112,6 +141,7 @@ impl Model {
             decoder: Decoder::load(&tensors)?,
             observation_kind: config.policy.observation,
             network: Network::load(&tensors, &config.policy, tree)?,
+            start_candidates: config.start_candidates,
             start_model: StartModel::load(starts, config.policy.observation.num_features(), tree)?,
         })
     }
@@ -203,8 +233,7 @@ mod tests {
     }
 
     fn config() -> String {
-        serde_json::to_string(&ModelConfig { version: MODEL_VERSION, policy: PolicyConfig::tiny() })
-            .unwrap()
+        serde_json::to_string(&ModelConfig::new(PolicyConfig::tiny())).unwrap()
     }
 
     /// Error text of loading modified weights.
@@ -306,10 +335,28 @@ mod tests {
             (NgfConfig { velocity_scale: -1.0, ..tiny() }, "velocity_scale = -1"),
         ] {
             let policy = PolicyConfig { network: NetworkConfig::Ngf(ngf), ..PolicyConfig::tiny() };
-            let config =
-                serde_json::to_string(&ModelConfig { version: MODEL_VERSION, policy }).unwrap();
+            let config = serde_json::to_string(&ModelConfig::new(policy)).unwrap();
             let message = load(&bytes(&weights()), &bytes(&starts()), &config).unwrap_err();
             assert!(message.to_string().contains(expected), "{message}");
         }
+        for count in [0, 65] {
+            let config =
+                ModelConfig { start_candidates: count, ..ModelConfig::new(PolicyConfig::tiny()) };
+            let config = serde_json::to_string(&config).unwrap();
+            let message = load(&bytes(&weights()), &bytes(&starts()), &config).unwrap_err();
+            assert!(message.to_string().contains("start_candidates"), "{message}");
+        }
+    }
+
+    #[test]
+    fn configuration_without_start_candidates_has_the_bytes_of_earlier_versions() {
+        let config = ModelConfig::new(PolicyConfig::tiny());
+        let text = serde_json::to_string(&config).unwrap();
+        assert!(!text.contains("start_candidates"));
+        assert_eq!(ModelConfig::parse(text.as_bytes()).unwrap().start_candidates, 1);
+        let more = ModelConfig { start_candidates: 8, ..config.clone() };
+        assert_ne!(more.canonical_bytes(), config.canonical_bytes());
+        let text = serde_json::to_string(&more).unwrap();
+        assert_eq!(ModelConfig::parse(text.as_bytes()).unwrap().start_candidates, 8);
     }
 }

@@ -155,6 +155,24 @@ impl StartModel {
             Self::Network(network) => Some(network.find(observation, &target)),
         }
     }
+
+    /// Start configurations (rad) of the `count` object poses with the nearest z, nearest first, each with the palm
+    /// nearest to a target pose (base frame). A network has one.
+    pub fn find_candidates(
+        &self,
+        observation: &Observation,
+        target: &Isometry,
+        count: usize,
+    ) -> Vec<JointVector> {
+        let target = observation.pose_to_canonical(target);
+        match self {
+            Self::Table(starts) => nearest_starts(starts, &observation.latent, &target, count)
+                .into_iter()
+                .map(|start| observation.from_canonical(&start.q))
+                .collect(),
+            Self::Network(network) => vec![network.find(observation, &target)],
+        }
+    }
 }
 
 impl StartNetwork {
@@ -173,11 +191,28 @@ pub fn nearest_start<'a>(
     z: &[f32],
     target: &Isometry,
 ) -> Option<&'a StartConfiguration> {
-    let nearest =
-        starts.iter().map(|start| squared_distance(&start.latent, z)).min_by(f64::total_cmp)?;
-    let same_pose = starts.iter().filter(|start| squared_distance(&start.latent, z) == nearest);
-    let distance = |start: &&StartConfiguration| palm_distance(&start.palm, target);
-    same_pose.min_by(|a, b| distance(a).total_cmp(&distance(b)))
+    nearest_starts(starts, z, target, 1).pop()
+}
+
+/// For each of the `count` nearest values of z, nearest first: among the starts with this z, the one with the palm
+/// nearest to `target` (canonical frame).
+fn nearest_starts<'a>(
+    starts: &'a [StartConfiguration],
+    z: &[f32],
+    target: &Isometry,
+    count: usize,
+) -> Vec<&'a StartConfiguration> {
+    let distances: Vec<f64> =
+        starts.iter().map(|start| squared_distance(&start.latent, z)).collect();
+    let mut nearest = distances.clone();
+    nearest.sort_by(f64::total_cmp);
+    nearest.dedup();
+    let of_pose = |wanted: &f64| {
+        let same_pose = starts.iter().zip(&distances).filter(|(_, distance)| *distance == wanted);
+        let palms = same_pose.map(|(start, _)| (palm_distance(&start.palm, target), start));
+        Some(palms.min_by(|a, b| a.0.total_cmp(&b.0))?.1)
+    };
+    nearest.iter().take(count).filter_map(of_pose).collect()
 }
 
 /// Object name of each row; `wanted` is the number of rows.

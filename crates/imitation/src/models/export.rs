@@ -6,7 +6,7 @@ use crate::nn::Params;
 use anyhow::Result;
 use configs::DaggerConfig;
 use files::atomic_file;
-use policy::model::{CONFIG_FILE, MODEL_VERSION, ModelConfig, STARTS_FILE, WEIGHTS_FILE};
+use policy::model::{CONFIG_FILE, ModelConfig, STARTS_FILE, WEIGHTS_FILE};
 use policy::start_model::OBJECTS_KEY;
 use robot::DOF;
 use safetensors::SafeTensors;
@@ -63,10 +63,7 @@ pub fn model_files(
     table.add("starts.q", &[count, DOF], q)?;
     let metadata = HashMap::from([(OBJECTS_KEY.to_owned(), serde_json::to_string(&objects)?)]);
     let starts = merge_safetensors(&[table.export(&[])?], Some(metadata))?;
-    let config = serde_json::to_vec_pretty(&ModelConfig {
-        version: MODEL_VERSION,
-        policy: config.policy.clone(),
-    })?;
+    let config = serde_json::to_vec_pretty(&ModelConfig::new(config.policy.clone()))?;
     Ok(ModelFiles { weights, starts, config })
 }
 

@@ -2,6 +2,7 @@
 //! it (paper §III-F, §IV).
 
 use crate::attempt::setup::{AttemptSetup, capture_cloud};
+use crate::attempt::start_selection::select_start;
 use crate::attempt::{DemonstrationLibrary, FailureReason};
 use crate::rollout_context::{RolloutContext, RolloutError};
 use grasps::PlacedObject;
@@ -105,7 +106,8 @@ impl ApproachInputs<'_> {
         let Some(observation) = model.observe(&self.setup.cloud) else {
             return Ok(Err(FailureReason::NotVisible));
         };
-        let start = model.start_model.find(&observation, &self.target);
+        let tree = &self.context.robot.tree;
+        let start = select_start(model, tree, &observation, &self.setup.cloud, &self.target);
         Ok(start.map(|start| (model, observation, start)).ok_or(FailureReason::Unreachable))
     }
 

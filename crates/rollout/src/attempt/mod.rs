@@ -17,6 +17,7 @@ mod phase_clock;
 mod phases;
 mod replay_driver;
 mod setup;
+mod start_selection;
 
 pub use controller::Controller;
 pub use demonstration_library::DemonstrationLibrary;
