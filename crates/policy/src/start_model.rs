@@ -177,7 +177,7 @@ impl StartModel {
 
 impl StartNetwork {
     fn find(&self, observation: &Observation, target: &Isometry) -> JointVector {
-        let outputs = self.mlp.apply(&inputs(&observation.latent, target));
+        let outputs = self.mlp.apply(&inputs(observation.features(), target));
         self.limits.clamp(
             &observation.from_canonical(&joints_from_output(&self.limits, &outputs)),
             LIMIT_MARGIN,

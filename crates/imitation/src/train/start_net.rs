@@ -32,7 +32,7 @@ use std::path::Path;
 /// A training example: the inputs of an attempt, and the start configuration that the lookup returns.
 #[derive(Clone, Debug)]
 pub struct StartExample {
-    /// Observation vector of the object.
+    /// Observation of the object, without surface points.
     pub z: Vec<f32>,
     /// Target pose of the palm (canonical frame).
     pub palm: Isometry,
@@ -77,7 +77,8 @@ pub fn examples(
                     let Some(start) = nearest_start(table, &encoding.latent, &palm) else {
                         continue;
                     };
-                    let example = StartExample { z: encoding.latent.clone(), palm, label: start.q };
+                    let z = encoding.features().to_vec();
+                    let example = StartExample { z, palm, label: start.q };
                     let examples = if is_held_out(index) { &mut held_out } else { &mut train };
                     examples.push(example);
                 }
