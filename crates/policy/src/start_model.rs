@@ -147,13 +147,7 @@ impl StartModel {
     /// In a table, the nearest z selects the object pose. Among the starts of that pose, the one with the
     /// palm nearest to `target` is selected (paper §III-F).
     pub fn find(&self, observation: &Observation, target: &Isometry) -> Option<JointVector> {
-        let target = observation.pose_to_canonical(target);
-        match self {
-            Self::Table(starts) => Some(
-                observation.from_canonical(&nearest_start(starts, &observation.latent, &target)?.q),
-            ),
-            Self::Network(network) => Some(network.find(observation, &target)),
-        }
+        self.find_candidates(observation, target, 1).pop()
     }
 
     /// Start configurations (rad) of the `count` object poses with the nearest z, nearest first, each with the palm
