@@ -46,6 +46,9 @@ pub struct DatasetConfig {
     /// similar poses. Otherwise it is the first reachable one of the object.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub consistent_grasps: bool,
+    /// The dataset and the policy to which the grasps are adapted; `None` for grasps that are searched.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub adaptation: Option<Adaptation>,
     /// Demonstrations per pose that are also replayed with a hold of 2 s and shaken, independent of the outcome
     /// of their first replay.
     pub num_shaken_replays: usize,
@@ -63,6 +66,16 @@ pub struct DatasetConfig {
     /// Whether rows contain the noisy cloud of their episode, in the column `observation.pointcloud`. It has 6
     /// kB per row before compression.
     pub point_cloud_column: bool,
+}
+
+/// Origin of the grasps of an adapted dataset.
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Adaptation {
+    /// Hash of the manifest of the dataset whose grasps are adapted.
+    pub dataset: String,
+    /// Hash of the files of the model whose policy ends near the adapted grasps.
+    pub model: String,
 }
 
 /// Names of the presets with a description.
@@ -126,6 +139,7 @@ impl DatasetConfig {
             trajectories: 32,
             overlap_grasps: false,
             consistent_grasps: false,
+            adaptation: None,
             num_shaken_replays: 4,
             num_perturbed_replays: 1,
             num_azimuths: 4,

@@ -3,6 +3,7 @@
 //! Every file depends only on configuration, objects and scene, and is written atomically. A killed run
 //! resumes by generating the missing files.
 
+use crate::adapted_grasps::AdaptationSource;
 use crate::clouds::CloudRenderer;
 use crate::demonstrations::{PoseGrasps, PoseTask};
 use crate::poses::low_discrepancy_pose;
@@ -60,12 +61,35 @@ pub fn generate(
     objects: &Objects,
     progress: &(dyn Progress + Sync),
 ) -> Result<Manifest> {
+    generate_from(dataset, None, robot, objects, progress)
+}
+
+/// Generates all missing files of a dataset whose grasps are adapted to a policy ([`DatasetConfig::adaptation`]). The
+/// poses are those of the source.
+pub fn adapt(
+    dataset: &Dataset,
+    source: AdaptationSource,
+    robot: &RobotContext,
+    objects: &Objects,
+    progress: &(dyn Progress + Sync),
+) -> Result<Manifest> {
+    generate_from(dataset, Some(source), robot, objects, progress)
+}
+
+fn generate_from(
+    dataset: &Dataset,
+    source: Option<AdaptationSource>,
+    robot: &RobotContext,
+    objects: &Objects,
+    progress: &(dyn Progress + Sync),
+) -> Result<Manifest> {
     if !dataset.dir.join(MANIFEST_FILE).exists() {
         let lowered = LOWERINGS.map(|depth| robot.above_lowered_table(depth));
         let generator = Generator { dataset, robot, lowered, objects, progress };
-        let consistent = match dataset.config.consistent_grasps {
-            true => generator.generate_consistent_grasps()?,
-            false => {
+        let consistent = match &source {
+            Some(source) => generator.generate_adapted_grasps(source)?,
+            None if dataset.config.consistent_grasps => generator.generate_consistent_grasps()?,
+            None => {
                 generator.generate_grasps(|name| dataset.grasps_path(name))?;
                 ConsistentGrasps::default()
             }

@@ -3,6 +3,7 @@
 //! In: objects and a configuration. Out: a folder that crate `dataset` reads, and an HTML report. Does not
 //! depend on neural networks.
 
+mod adapted_grasps;
 mod assemble;
 mod clouds;
 mod demonstrations;
@@ -14,4 +15,5 @@ pub mod report;
 mod shared_grasps;
 mod summary;
 
-pub use generate::{create, generate, provenance, read_grasp_ratings, read_grasps};
+pub use adapted_grasps::{AdaptationSource, PolicyEnds};
+pub use generate::{adapt, create, generate, provenance, read_grasp_ratings, read_grasps};

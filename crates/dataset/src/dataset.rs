@@ -38,6 +38,19 @@ pub struct PoseRecord {
     pub clouds: Vec<Vec<f32>>,
 }
 
+impl PoseRecord {
+    /// The first noisy cloud (m, base frame) of the pose as it is, not rotated about the robot. Empty for a pose without
+    /// clouds.
+    pub fn first_cloud(&self) -> Vec<Vec3> {
+        self.clouds
+            .first()
+            .into_iter()
+            .flat_map(|cloud| cloud.chunks_exact(3))
+            .map(Vec3::from_slice)
+            .collect()
+    }
+}
+
 /// A training sample of the encoder.
 #[derive(Clone, Debug)]
 pub struct EncoderSample {
@@ -154,6 +167,13 @@ impl Dataset {
                 self.read_row_group(self.file_index(object, index), group)?;
         }
         Ok(())
+    }
+
+    /// Index of the grasp that is demonstrated at each pose of an object, if any: that of the first kept demonstration.
+    pub fn demonstrated_grasps(&self, object: usize) -> Result<Vec<Option<usize>>> {
+        let poses = parquet_io::read_group(&self.dir.join("poses.parquet"), object)?;
+        let grasps = parquet_io::integers(&poses, "grasp")?;
+        Ok(grasps.iter().map(|grasp| usize::try_from(*grasp).ok()).collect())
     }
 
     /// Number of kept demonstrations of each pose of an object.
@@ -284,6 +304,11 @@ impl Dataset {
     /// File of the ratings of an object's grasps after some rounds, before the last one.
     pub fn shared_ratings_path(&self, name: &str, rounds: usize) -> PathBuf {
         self.dir.join(SHARDS_DIR).join(name).join(format!("ratings-{rounds}.json"))
+    }
+
+    /// File of the grasps of an object that are adapted to a policy.
+    pub fn adapted_grasps_path(&self, name: &str) -> PathBuf {
+        self.dir.join(SHARDS_DIR).join(name).join("adapted-grasps.json")
     }
 
     /// File of the ratings of an object's grasps, in datasets with consistent grasps.

@@ -1,7 +1,9 @@
 //! `ngf dataset`: generates, inspects and verifies datasets.
 
+use crate::adapt::{self, AdaptArgs};
 use crate::object_selection::{ObjectOptions, SelectedObject};
 use crate::progress_bar::Bar;
+use crate::stage_progress::StageProgress;
 use anyhow::{Context, Result};
 use clap::builder::{PossibleValue, PossibleValuesParser};
 use configs::dataset::{DatasetConfig, PRESETS};
@@ -11,18 +13,15 @@ use dataset_manifest::{Manifest, Summary};
 use grasps::RobotContext;
 use grasps::search::grasp_rating::GraspRating;
 use objects::catalog::{Objects, built_in_object, built_in_objects};
-use progress::Progress;
-use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Instant;
 
 /// Subcommands of `ngf dataset`.
 #[derive(clap::Subcommand)]
 pub(crate) enum DatasetCommand {
     /// Generate a dataset of grasps, demonstrations and point clouds
     Generate(GenerateArgs),
+    /// Generate a dataset whose demonstrations end where a policy ends, or near it
+    Adapt(AdaptArgs),
     /// Print the contents of a dataset
     Info {
         /// Folder of the dataset
@@ -103,6 +102,7 @@ pub(crate) struct GenerateArgs {
 pub(crate) fn run(command: &DatasetCommand) -> Result<()> {
     match command {
         DatasetCommand::Generate(options) => generate(options),
+        DatasetCommand::Adapt(options) => adapt::run(options),
         DatasetCommand::Info { dir, json } => info(dir, *json),
         DatasetCommand::Report { dir, out } => report(dir, out.as_deref()),
         DatasetCommand::Episodes { dir, json, first, limit, object } => {
@@ -127,15 +127,17 @@ fn generate(options: &GenerateArgs) -> Result<()> {
             (preset, objects)
         }
     };
-    rayon::ThreadPoolBuilder::new()
-        .num_threads(options.threads)
-        .build_global()
-        .context("cannot start the threads; try fewer with --threads")?;
+    start_threads(options.threads)?;
     let dataset = datagen::create(&options.out, &config, &objects, options.resume)?;
-    let progress = CliProgress::new(&options.out);
+    let progress = StageProgress::new(&options.out);
     let robot = RobotContext::standard()?;
     let manifest = datagen::generate(&dataset, &robot, &objects, progress)?;
     progress.finish();
+    print_result(&dataset, &manifest)
+}
+
+/// Prints counts and hash of a dataset that is complete.
+pub(crate) fn print_result(dataset: &Dataset, manifest: &Manifest) -> Result<()> {
     let summary = dataset.summary()?;
     print_counts(&summary);
     println!("{:.1} MB, hash {}", manifest.total_bytes() as f64 / 1e6, manifest.hash);
@@ -148,87 +150,15 @@ fn generate(options: &GenerateArgs) -> Result<()> {
     Ok(())
 }
 
+/// Starts the threads of the process; 0 uses all cores.
+pub(crate) fn start_threads(count: usize) -> Result<()> {
+    let threads = rayon::ThreadPoolBuilder::new().num_threads(count);
+    threads.build_global().context("cannot start the threads; try fewer with --threads")
+}
+
 /// Names and descriptions of the presets.
 fn presets() -> PossibleValuesParser {
     PossibleValuesParser::new(PRESETS.map(|(name, about)| PossibleValue::new(name).help(about)))
-}
-
-/// Progress bar of the current stage. Logs the duration of each stage, and requests a stop at Ctrl-C.
-struct CliProgress {
-    log: PathBuf,
-    stage: Mutex<Option<StageTimer>>,
-    is_stopped: AtomicBool,
-}
-
-/// Progress and start time of a stage.
-struct StageTimer {
-    name: String,
-    bar: Bar,
-    start: Instant,
-    /// Items that existed before this run.
-    first: usize,
-    done: usize,
-}
-
-impl CliProgress {
-    /// Starts to listen for Ctrl-C, until the process ends.
-    fn new(dir: &Path) -> &'static Self {
-        let (stage, is_stopped) = (Mutex::new(None), AtomicBool::new(false));
-        let progress: &'static Self =
-            Box::leak(Box::new(Self { log: dir.join("log.jsonl"), stage, is_stopped }));
-        std::thread::spawn(move || {
-            let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
-            let interrupted = runtime.map(|runtime| runtime.block_on(tokio::signal::ctrl_c()));
-            if matches!(interrupted, Ok(Ok(()))) {
-                progress.is_stopped.store(true, Ordering::Relaxed);
-            }
-        });
-        progress
-    }
-
-    /// Finishes the last stage.
-    fn finish(&self) {
-        if let Ok(mut stage) = self.stage.lock() {
-            self.close(stage.take());
-        }
-    }
-
-    fn close(&self, stage: Option<StageTimer>) {
-        let Some(stage) = stage else { return };
-        stage.bar.clear();
-        let seconds = stage.start.elapsed().as_secs_f64();
-        let count = stage.done - stage.first;
-        if count == 0 {
-            return;
-        }
-        println!("{}: {count} in {seconds:.1} s, {:.1}/s", stage.name, count as f64 / seconds);
-        let line = serde_json::json!({
-            "stage": stage.name, "count": count, "seconds": seconds,
-            "threads": rayon::current_num_threads(),
-        });
-        let log = std::fs::OpenOptions::new().create(true).append(true).open(&self.log);
-        // The log is informational; the dataset is complete without it.
-        log.and_then(|mut log| writeln!(log, "{line}")).ok();
-    }
-}
-
-impl Progress for CliProgress {
-    fn update(&self, name: &str, done: usize, total: usize) {
-        let Ok(mut stage) = self.stage.lock() else { return };
-        if stage.as_ref().is_none_or(|stage| stage.name != name) {
-            self.close(stage.take());
-            let (bar, start) = (Bar::resume_from(name, done, total), Instant::now());
-            *stage = Some(StageTimer { name: name.to_owned(), bar, start, first: done, done });
-        }
-        if let Some(stage) = stage.as_mut() {
-            stage.done = stage.done.max(done);
-            stage.bar.set(stage.done);
-        }
-    }
-
-    fn is_stopped(&self) -> bool {
-        self.is_stopped.load(Ordering::Relaxed)
-    }
 }
 
 fn info(dir: &Path, is_json: bool) -> Result<()> {

@@ -1,5 +1,6 @@
 //! `ngf-worker`: all commands of `ngf` except `serve`. Runs jobs, and the commands that `ngf` passes on.
 
+mod adapt;
 mod bench;
 mod compare;
 mod datagen_bench;
@@ -20,6 +21,7 @@ mod record;
 mod replay;
 mod result_cache;
 mod share_link;
+mod stage_progress;
 mod train;
 mod training_env;
 mod validate;

@@ -13,6 +13,7 @@
 //! browser. Training uses other code, in `imitation`; tests compare both.
 
 pub mod encoder;
+pub mod kinematic_rollout;
 pub mod model;
 pub mod networks;
 pub mod observation;

@@ -25,7 +25,7 @@ pub mod wilson_interval;
 
 pub use attempt::{
     Attempt, Controller, DemonstrationLibrary, Evidence, FailureReason, Lockstep, Outcome, Phase,
-    Slip, sample_object_pose,
+    Slip, policy_ends, sample_object_pose,
 };
 pub use familiarity::Familiarity;
 pub use motion_metrics::MotionMetrics;

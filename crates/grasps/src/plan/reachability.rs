@@ -66,6 +66,11 @@ impl RobotContext {
         facing(world_from_object, self.nominal)
     }
 
+    /// Number of IK seeds, the nominal posture included.
+    pub fn num_ik_seeds(&self) -> usize {
+        1 + self.alternate_seeds.len()
+    }
+
     /// All IK seeds in order, the nominal posture first, each turned towards the object.
     fn ik_seeds_facing(&self, world_from_object: &Pose) -> impl Iterator<Item = JointVector> {
         let all = std::iter::once(&self.nominal).chain(&self.alternate_seeds);

@@ -173,8 +173,20 @@ pub fn evaluate_candidate(
     robot: &RobotContext,
     target: &SearchTarget,
     config: &CandidateConfig,
-    mut object_from_palm: Isometry,
+    object_from_palm: Isometry,
     rng: &mut impl Rng,
+) -> Result<(Grasp, contact_forces::Squeeze), Rejected> {
+    let closing = sample_closing(&config.closing, rng);
+    close_in_proportion(robot, target, config, object_from_palm, &closing)
+}
+
+/// Evaluates one candidate with given proportions in which the finger joints close.
+pub(crate) fn close_in_proportion(
+    robot: &RobotContext,
+    target: &SearchTarget,
+    config: &CandidateConfig,
+    mut object_from_palm: Isometry,
+    closing: &ClosingConfig,
 ) -> Result<(Grasp, contact_forces::Squeeze), Rejected> {
     let RobotContext { tree, collision_model: robot, .. } = robot;
     let pregrasp = robot::joint_vector(&[0.0; ARM_DOF], &config.pregrasp);
@@ -206,8 +218,7 @@ pub fn evaluate_candidate(
         (world_from_object, shapes) = transform(&object_from_palm);
         table = target.table.transformed(&world_from_object);
     }
-    let closing = sample_closing(&config.closing, rng);
-    let closed = closing::close_hand(tree, robot, &pregrasp, &shapes, &table, &closing);
+    let closed = closing::close_hand(tree, robot, &pregrasp, &shapes, &table, closing);
     let [index, middle, ring, thumb] = closed.contacts.map(|c| c.is_some());
     if !thumb
         || [index, middle, ring].iter().filter(|touches| **touches).count() < config.min_fingers

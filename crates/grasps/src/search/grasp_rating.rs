@@ -27,7 +27,7 @@ use scene::SceneError;
 pub const LOWERINGS: [f64; 3] = [0.0, 0.008, 0.016];
 
 /// Max. height (m) of the lowest fingertip above the table at which a lowered hand is tried.
-const MAX_FINGERTIP_HEIGHT: f64 = 0.03;
+pub const MAX_FINGERTIP_HEIGHT: f64 = 0.03;
 
 /// Rating of a grasp.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -59,8 +59,8 @@ impl GraspRating {
     }
 }
 
-/// Height (m) of the lowest fingertip above the table.
-fn lowest_fingertip(robot: &RobotContext, q: &JointVector) -> f64 {
+/// Height (m) of the lowest fingertip above the table, at joint positions `q` (rad).
+pub fn lowest_fingertip(robot: &RobotContext, q: &JointVector) -> f64 {
     let tips = robot.tree.forward_kinematics(q).fingertips();
     tips.iter().map(|tip| tip.z).fold(f64::INFINITY, f64::min) - f64::from(robot.config.table_top())
 }

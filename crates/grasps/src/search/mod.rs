@@ -7,6 +7,7 @@ mod config;
 pub mod contact_forces;
 pub mod grasp_rating;
 mod grasp_search;
+pub mod nearby_grasp;
 mod palm_transfer;
 pub(crate) mod parallel;
 mod pinch;

@@ -2,7 +2,10 @@
 
 use crate::plan::object_poses::PlannedGrasp;
 use crate::search::SearchConfig;
-use crate::search::candidates::{CandidateConfig, Rejected, SearchTarget, evaluate_candidate};
+use crate::search::candidates::{
+    CandidateConfig, Rejected, SearchTarget, close_in_proportion, evaluate_candidate,
+};
+use crate::search::closing::ClosingConfig;
 use crate::search::contact_forces::Squeeze;
 use crate::search::parallel;
 use crate::search::trial::{TrialOutcome, TrialProtocol};
@@ -94,6 +97,16 @@ impl<'a> GraspTester<'a> {
         rng: &mut ChaCha8Rng,
     ) -> Result<(Grasp, Squeeze), Rejected> {
         evaluate_candidate(self.robot, &self.target, config, palm, rng)
+    }
+
+    /// Closes the hand at a palm pose, with the finger joints in given proportions.
+    pub(crate) fn close_in_proportion(
+        &self,
+        palm: Isometry,
+        config: &CandidateConfig,
+        closing: &ClosingConfig,
+    ) -> Result<(Grasp, Squeeze), Rejected> {
+        close_in_proportion(self.robot, &self.target, config, palm, closing)
     }
 
     /// Tries each grasp at the object yaw that is easiest to reach; unreachable grasps are omitted. Returns

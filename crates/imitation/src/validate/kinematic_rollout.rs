@@ -1,14 +1,10 @@
-//! Kinematic rollouts of a policy (time steps of Eq. 6 and 7, without physics), and its damping rate along
-//! demonstrations.
+//! Fingertip errors of a policy in kinematic rollouts, and its damping rate along demonstrations.
 
 use crate::data::demo_group::DemoGroup;
-use policy::{Network, Observation};
+use policy::Network;
+use policy::kinematic_rollout::roll_out;
 use rayon::prelude::*;
-use robot::{JointState, JointVector, KinematicTree, integrator};
-use scene::config::CONTROL_DT;
-
-/// Control periods of a kinematic rollout: 4 s, the time limit of the policy in an attempt.
-const ROLLOUT_STEPS: usize = (4.0 / CONTROL_DT) as usize;
+use robot::{JointVector, KinematicTree};
 
 /// Row stride at which the damping rate is evaluated.
 const DAMPING_STRIDE: usize = 10;
@@ -20,44 +16,23 @@ const ROLLOUT_BATCH: usize = 16;
 /// between the final fingertips and those of the demonstration, mean over the four tips. Groups without
 /// neighbour starts are skipped.
 pub fn fingertip_errors(tree: &KinematicTree, policy: &Network, groups: &[&DemoGroup]) -> Vec<f64> {
-    let mut starts: Vec<(&DemoGroup, JointVector)> = Vec::new();
+    let mut starts = Vec::new();
+    let mut wanted = Vec::new();
     for group in groups {
-        starts.extend(group.neighbor_starts.iter().take(2).map(|start| (*group, *start)));
-    }
-    let error = |((group, _), end): (&(&DemoGroup, JointVector), JointVector)| {
-        let wanted = group.demonstrations.state(group.demonstrations.rows() - 1).q;
-        let distance = fingertip_distance(tree, &end, &wanted);
-        if distance.is_finite() { distance } else { f64::INFINITY }
-    };
-    let batches = starts.par_chunks(ROLLOUT_BATCH);
-    let of_batch = |batch: &[_]| -> Vec<f64> {
-        batch.iter().zip(roll_out(tree, policy, batch)).map(error).collect()
-    };
-    batches.flat_map_iter(of_batch).collect()
-}
-
-/// Final configurations (rad) of rollouts from starts in the canonical frame; NaN if the policy diverges.
-fn roll_out(
-    tree: &KinematicTree,
-    policy: &Network,
-    starts: &[(&DemoGroup, JointVector)],
-) -> Vec<JointVector> {
-    let observations: Vec<&Observation> =
-        starts.iter().map(|(group, _)| &group.encodings[group.encodings.len() - 1]).collect();
-    let at_start = |((_, start), observation): (&(&DemoGroup, JointVector), &&Observation)| {
-        JointState::at_rest(observation.from_canonical(start))
-    };
-    let mut states: Vec<JointState> = starts.iter().zip(&observations).map(at_start).collect();
-    for _ in 0..ROLLOUT_STEPS {
-        let inputs: Vec<_> =
-            observations.iter().zip(&states).map(|(of, state)| of.network_input(state)).collect();
-        let accelerations = policy.accelerations(&inputs);
-        for (state, qdd) in states.iter_mut().zip(accelerations) {
-            let qdd = qdd.unwrap_or_else(|| JointVector::repeat(f64::NAN));
-            *state = tree.limits.clamp_state(&integrator::step(state, &qdd, CONTROL_DT));
+        let observation = &group.encodings[group.encodings.len() - 1];
+        let grasp = group.demonstrations.state(group.demonstrations.rows() - 1).q;
+        for start in group.neighbor_starts.iter().take(2) {
+            starts.push((observation, observation.from_canonical(start)));
+            wanted.push(grasp);
         }
     }
-    states.iter().map(|state| state.q).collect()
+    let ends =
+        starts.par_chunks(ROLLOUT_BATCH).flat_map_iter(|batch| roll_out(policy, tree, batch));
+    let ends: Vec<Option<JointVector>> = ends.collect();
+    let error = |(end, wanted): (Option<JointVector>, &JointVector)| {
+        end.map_or(f64::INFINITY, |end| fingertip_distance(tree, &end, wanted))
+    };
+    ends.into_iter().zip(&wanted).map(error).collect()
 }
 
 /// Distance (m) between the fingertips of two configurations, mean over the four tips.

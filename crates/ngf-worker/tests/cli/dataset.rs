@@ -86,6 +86,58 @@ fn killed_and_resumed_dataset_has_same_hash() {
     assert_fails(&dataset_command(&["verify"], &killed), "file-000.parquet has changed");
 }
 
+/// `ngf dataset adapt` of a dataset to a model of this project.
+fn adapt(dataset: &Path, out: &Path, more: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_ngf-worker"));
+    command.args(["dataset", "adapt", "--dataset"]).arg(dataset).arg("--out").arg(out);
+    command.arg("--model").arg(concat!(env!("CARGO_MANIFEST_DIR"), "/../../models/default"));
+    command.args(more).stdout(Stdio::piped()).stderr(Stdio::piped());
+    command
+}
+
+/// Grasps of an object in a dataset.
+fn grasps(dir: &Path) -> Vec<serde_json::Value> {
+    let text = std::fs::read(dir.join("grasps/sugar_box.json")).unwrap();
+    let set: serde_json::Value = serde_json::from_slice(&text).unwrap();
+    set["grasps"].as_array().unwrap().clone()
+}
+
+/// The default policy grasps the sugar box, so most of its final configurations are near a grasp.
+#[test]
+fn adapted_dataset_demonstrates_grasps_near_the_policy() {
+    let folder = tempfile::tempdir().unwrap();
+    let [source, one, killed] = ["source", "one", "killed"].map(|name| folder.path().join(name));
+    assert_fails(&adapt(&source, &one, &[]).output().unwrap(), "no config.json");
+    assert!(smoke(&source, &[]).status().unwrap().success());
+    let source_hash = hash(&source);
+    assert!(adapt(&source, &one, &["--threads", "1"]).status().unwrap().success());
+
+    let mut child = adapt(&source, &killed, &[]).spawn().unwrap();
+    while files(&killed) < 2 {
+        assert!(child.try_wait().unwrap().is_none(), "the process ended before it was killed");
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+    assert!(adapt(&source, &killed, &["--resume"]).status().unwrap().success());
+    assert_eq!(hash(&one), hash(&killed));
+    assert!(dataset_command(&["verify"], &one).status.success());
+
+    assert_eq!(hash(&source), source_hash, "the source has changed");
+    let (before, after) = (grasps(&source), grasps(&one));
+    assert_eq!(before, after[..before.len()], "the grasps of the source come first");
+    let info: serde_json::Value =
+        serde_json::from_slice(&dataset_command(&["info", "--json"], &one).stdout).unwrap();
+    let by_grasp = info["summary"]["sugar_box"]["grasps"].as_object().unwrap();
+    let is_adapted = |grasp: &&String| grasp.parse::<usize>().unwrap() >= before.len();
+    let num_adapted = by_grasp.keys().filter(is_adapted).count();
+    assert!(num_adapted >= 2, "adapted grasps at {num_adapted} of 3 poses: {by_grasp:?}");
+    let config = std::fs::read_to_string(one.join("config.json")).unwrap();
+    assert!(config.contains(&source_hash), "{config}");
+    // Another source is another dataset.
+    assert_fails(&adapt(&one, &killed, &[]).output().unwrap(), "another configuration");
+}
+
 #[cfg(unix)]
 #[test]
 fn interrupted_generation_can_be_resumed() {

@@ -28,7 +28,9 @@ pub(crate) use phase_clock::PhaseStarts;
 pub use phases::Phase;
 pub(crate) use replay_driver::RecordedTrajectory;
 pub use setup::sample_object_pose;
+use setup::sample_start_target;
 pub(crate) use setup::{AttemptSetup, sample_pose_with_rng};
+pub use start_selection::policy_ends;
 
 use crate::interaction::Disturbance;
 use crate::rollout_context::{RolloutContext, RolloutError};
@@ -83,7 +85,8 @@ impl Attempt {
         controller: Controller,
     ) -> Result<Self, RolloutError> {
         let (setup, mut rng) = AttemptSetup::sample(context, object, name, pose, seed)?;
-        let target = setup.sample_start_target(&context.robot, &mut rng);
+        let target =
+            sample_start_target(&context.robot, &setup.object, &setup.world_from_object, &mut rng);
         let mut state = AttemptState::new(context, &setup)?;
         let inputs = ApproachInputs { context, setup: &setup, target };
         let approach = controller.plan(&inputs, &mut rng)?.unwrap_or_else(|failure| {

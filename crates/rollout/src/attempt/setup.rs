@@ -59,18 +59,19 @@ impl AttemptSetup {
         let object_name = object_name.to_owned();
         Ok((Self { object, object_name, pose, world_from_object, seed, cloud }, rng))
     }
+}
 
-    /// Samples the desired palm pose of the start configuration, world frame, from the true pose of the object.
-    pub(crate) fn sample_start_target(
-        &self,
-        robot: &RobotContext,
-        rng: &mut ChaCha8Rng,
-    ) -> Isometry {
-        let pose = &self.world_from_object;
-        let nominal_palm = robot.tree.forward_kinematics(&robot.nominal_facing(pose)).palm_pose();
-        let bounds = &self.object.bounds;
-        demonstration::sample_pregrasp_pose(robot, bounds, pose, &nominal_palm, rng)
-    }
+/// Samples the desired palm pose of the start configuration, world frame, from the true pose of the object.
+pub(crate) fn sample_start_target(
+    robot: &RobotContext,
+    object: &Object,
+    world_from_object: &Pose,
+    rng: &mut ChaCha8Rng,
+) -> Isometry {
+    let nominal = robot.nominal_facing(world_from_object);
+    let nominal_palm = robot.tree.forward_kinematics(&nominal).palm_pose();
+    let bounds = &object.bounds;
+    demonstration::sample_pregrasp_pose(robot, bounds, world_from_object, &nominal_palm, rng)
 }
 
 /// Captures one noisy depth image and extracts its point cloud.

@@ -6,13 +6,15 @@
 //! *Departure: the paper uses the nearest start configuration (§III-F). Where similar objects are grasped in different
 //! ways, the start decides which of the grasps the policy approaches, and not each of them suits the object.*
 
+use crate::attempt::setup::sample_start_target;
+use crate::rollout_context::RolloutContext;
 use geometry::Vec3;
+use objects::object::Object;
+use policy::kinematic_rollout::roll_out;
 use policy::{Model, Observation};
-use robot::{Isometry, JointState, JointVector, KinematicTree, integrator, rotation};
-use scene::config::CONTROL_DT;
-
-/// Control periods of a forecast: 4 s, the time limit of the policy in an attempt.
-const FORECAST_STEPS: usize = (4.0 / CONTROL_DT) as usize;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use robot::{Isometry, JointVector, KinematicTree, rotation};
 
 /// Start configuration (rad) of an attempt; `None` if the model has none. `cloud` (m) and the palm pose `target` are in
 /// the base frame.
@@ -27,7 +29,8 @@ pub(crate) fn select_start(
     if candidates.len() < 2 {
         return candidates.first().copied();
     }
-    let ends = forecast(model, tree, observation, &candidates);
+    let starts: Vec<_> = candidates.iter().map(|start| (observation, *start)).collect();
+    let ends = roll_out(&model.network, tree, &starts);
     let distance = |end: Option<JointVector>| {
         end.map_or(f64::INFINITY, |end| fingertip_distance(tree, &end, cloud))
     };
@@ -35,26 +38,31 @@ pub(crate) fn select_start(
     rated.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(start, _)| start)
 }
 
-/// Final configurations (rad) of the policy from start configurations; `None` where it diverges.
-fn forecast(
-    model: &Model,
-    tree: &KinematicTree,
-    observation: &Observation,
-    starts: &[JointVector],
+/// Final configurations (rad, base frame) of the model's policy at poses of an object, each with its cloud (m, base
+/// frame): kinematic rollouts from the nearest start configurations. At a pose on which the model was trained, this is the
+/// start of the pose itself. `None` without a model, for a cloud without points, and where the policy diverges.
+///
+/// Poses of the object: x, y (m), yaw (rad). From them, desired palm poses of the start are sampled, as in an attempt.
+pub fn policy_ends(
+    context: &RolloutContext,
+    object: &Object,
+    poses: &[([f32; 3], Vec<Vec3>)],
 ) -> Vec<Option<JointVector>> {
-    let mut states: Vec<Option<JointState>> =
-        starts.iter().map(|start| Some(JointState::at_rest(*start))).collect();
-    for _ in 0..FORECAST_STEPS {
-        let inputs: Vec<_> =
-            states.iter().flatten().map(|state| observation.network_input(state)).collect();
-        let mut accelerations = model.network.accelerations(&inputs).into_iter();
-        for state in &mut states {
-            let Some(now) = *state else { continue };
-            let next = |qdd| tree.limits.clamp_state(&integrator::step(&now, &qdd, CONTROL_DT));
-            *state = accelerations.next().flatten().map(next);
-        }
-    }
-    states.into_iter().map(|state| Some(state?.q)).collect()
+    let (robot, Some(model)) = (&context.robot, &context.model) else {
+        return vec![None; poses.len()];
+    };
+    let start = |([x, y, yaw], cloud): &([f32; 3], Vec<Vec3>)| {
+        let observation = model.observe(cloud)?;
+        let world_from_object = robot.config.object_pose(*x, *y, *yaw);
+        let mut rng = ChaCha8Rng::seed_from_u64(0);
+        let target = sample_start_target(robot, object, &world_from_object, &mut rng);
+        let start = model.start_model.find(&observation, &target)?;
+        Some((observation, start))
+    };
+    let starts: Vec<_> = poses.iter().map(start).collect();
+    let found: Vec<_> = starts.iter().flatten().map(|(of, start)| (of, *start)).collect();
+    let mut ends = roll_out(&model.network, &robot.tree, &found).into_iter();
+    starts.iter().map(|start| start.as_ref().and_then(|_| ends.next().flatten())).collect()
 }
 
 /// Distance (m) between a fingertip at `q` and the nearest point of a cloud (base frame), mean over the fingertips.
@@ -102,14 +110,15 @@ mod tests {
 
         let candidates = model.start_model.find_candidates(&observation, &target, 6);
         assert_eq!(Some(candidates[0]), model.start_model.find(&observation, &target));
-        let ends = forecast(&model, &tree, &observation, &candidates);
+        let starts: Vec<_> = candidates.iter().map(|start| (&observation, *start)).collect();
+        let ends = roll_out(&model.network, &tree, &starts);
         let distances: Vec<f64> =
             ends.iter().map(|end| fingertip_distance(&tree, &end.unwrap(), &cloud())).collect();
         let best = (0..6).min_by(|&a, &b| distances[a].total_cmp(&distances[b])).unwrap();
         model.start_candidates = 6;
         assert_eq!(select(&model), Some(candidates[best]), "{distances:?}");
-        // The forecast of a start does not depend on the other starts.
-        let alone = forecast(&model, &tree, &observation, &candidates[best..=best]);
+        // The rollout of a start does not depend on the other starts.
+        let alone = roll_out(&model.network, &tree, &starts[best..=best]);
         assert_eq!(alone[0], ends[best]);
     }
 
