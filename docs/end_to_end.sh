@@ -32,6 +32,10 @@ policy=$(job "{\"kind\": \"policy.train\",
     \"params\": {\"dataset_id\": \"$dataset\", \"encoder_id\": \"$encoder\", \"preset\": \"smoke\"}}" | text model_id)
 echo "policy $policy"
 
+adapted=$(job "{\"kind\": \"dataset.adapt\",
+    \"params\": {\"dataset_id\": \"$dataset\", \"model_id\": \"$policy\"}}" | text dataset_id)
+echo "adapted dataset $adapted"
+
 evaluation=$(job "{\"kind\": \"policy.evaluate\",
     \"params\": {\"model_id\": \"$policy\", \"object\": \"sugar_box\", \"attempts\": 2}}" | text id)
 curl -fsS "$api/jobs/$evaluation/logs?tail=1"

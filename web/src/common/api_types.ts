@@ -594,6 +594,15 @@ export interface paths {
 export type webhooks = Record<string, never>;
 export interface components {
     schemas: {
+        /** @description Parameters of the adaptation of a dataset to a policy. */
+        AdaptationParams: components["schemas"]["ObjectParams"] & {
+            /** @description Dataset whose grasps are adapted. */
+            dataset_id: string;
+            /** @description Model whose policy ends near the adapted grasps. */
+            model_id: string;
+            /** @description Threads; 0 = all cores. */
+            threads?: number;
+        };
         /** @description API index: URLs of resources, and limits. */
         ApiIndex: {
             /** @description Whether the server runs jobs. */
@@ -686,6 +695,26 @@ export interface components {
             summary: {
                 [key: string]: unknown;
             };
+        };
+        /** Adapt dataset */
+        DatasetAdaptRequest: {
+            /**
+             * @description discriminator enum property added by openapi-typescript
+             * @enum {string}
+             */
+            kind: "dataset.adapt";
+            /** @description Up to 16 text entries. */
+            metadata?: {
+                [key: string]: string;
+            } | null;
+            /** @description Display name. */
+            name?: string | null;
+            params: components["schemas"]["AdaptationParams"];
+            /**
+             * Format: int64
+             * @description Jobs with a higher priority start first.
+             */
+            priority?: number | null;
         };
         /** @description File of a dataset. */
         DatasetFile: {
@@ -1002,7 +1031,7 @@ export interface components {
             object: string;
             outputs: components["schemas"]["Outputs"];
             /** @description Parameters with defaults filled in. */
-            params: components["schemas"]["DatasetParams"] | components["schemas"]["EncoderParams"] | components["schemas"]["PolicyParams"] | components["schemas"]["EvaluationParams"] | components["schemas"]["GraspSearchParams"] | components["schemas"]["MeshParams"];
+            params: components["schemas"]["DatasetParams"] | components["schemas"]["AdaptationParams"] | components["schemas"]["EncoderParams"] | components["schemas"]["PolicyParams"] | components["schemas"]["EvaluationParams"] | components["schemas"]["GraspSearchParams"] | components["schemas"]["MeshParams"];
             /** @description Current phase, as named by the worker. */
             phase?: string | null;
             /**
@@ -1064,12 +1093,12 @@ export interface components {
             unit: string;
         };
         /** @description Request that creates a job; `kind` selects the parameters. */
-        JobRequest: components["schemas"]["DatasetGenerateRequest"] | components["schemas"]["EncoderTrainRequest"] | components["schemas"]["PolicyTrainRequest"] | components["schemas"]["PolicyEvaluateRequest"] | components["schemas"]["GraspsSearchRequest"] | components["schemas"]["MeshPrepareRequest"];
+        JobRequest: components["schemas"]["DatasetGenerateRequest"] | components["schemas"]["DatasetAdaptRequest"] | components["schemas"]["EncoderTrainRequest"] | components["schemas"]["PolicyTrainRequest"] | components["schemas"]["PolicyEvaluateRequest"] | components["schemas"]["GraspsSearchRequest"] | components["schemas"]["MeshPrepareRequest"];
         /**
          * @description Kind of a job; selects the worker command and the parameters.
          * @enum {string}
          */
-        Kind: "dataset.generate" | "encoder.train" | "policy.train" | "policy.evaluate" | "grasps.search" | "mesh.prepare";
+        Kind: "dataset.generate" | "dataset.adapt" | "encoder.train" | "policy.train" | "policy.evaluate" | "grasps.search" | "mesh.prepare";
         /**
          * @description Severity of an event.
          * @enum {string}
@@ -1562,7 +1591,7 @@ export interface components {
                 object: string;
                 outputs: components["schemas"]["Outputs"];
                 /** @description Parameters with defaults filled in. */
-                params: components["schemas"]["DatasetParams"] | components["schemas"]["EncoderParams"] | components["schemas"]["PolicyParams"] | components["schemas"]["EvaluationParams"] | components["schemas"]["GraspSearchParams"] | components["schemas"]["MeshParams"];
+                params: components["schemas"]["DatasetParams"] | components["schemas"]["AdaptationParams"] | components["schemas"]["EncoderParams"] | components["schemas"]["PolicyParams"] | components["schemas"]["EvaluationParams"] | components["schemas"]["GraspSearchParams"] | components["schemas"]["MeshParams"];
                 /** @description Current phase, as named by the worker. */
                 phase?: string | null;
                 /**

@@ -2,6 +2,7 @@
 
 export const KINDS: Record<string, string> = {
   "dataset.generate": "Generate dataset",
+  "dataset.adapt": "Adapt dataset",
   "encoder.train": "Train encoder",
   "policy.train": "Train policy",
   "policy.evaluate": "Evaluate policy",

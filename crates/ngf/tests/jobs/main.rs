@@ -58,13 +58,17 @@ fn assert_all_can_be_deleted(server: &Server, data: &Path) {
         let all = list["data"].as_array().unwrap().iter();
         all.map(|record| record["id"].as_str().unwrap().to_owned()).collect()
     };
-    let dataset = &ids("/datasets")[0];
+    let datasets = ids("/datasets");
+    let [dataset, others @ ..] = &datasets[..] else { panic!("no dataset") };
     let training = server.create_job("encoder.train", json!({ "dataset_id": dataset }));
     assert_eq!(server.delete(&format!("/datasets/{dataset}")), 409, "a job uses it");
     server.post(&format!("/jobs/{training}/cancel"), &json!({}));
     server.wait_for(&training, "cancelled");
     assert_eq!(server.delete(&format!("/datasets/{dataset}")), 204);
     assert_eq!(server.delete(&format!("/datasets/{dataset}")), 404);
+    for other in others {
+        assert_eq!(server.delete(&format!("/datasets/{other}")), 204);
+    }
     assert_eq!(server.delete("/models/default"), 409, "bundled models are read-only");
     // Jobs and models can be deleted in any order: the policy job before its models, the encoder job after
     // its model.

@@ -8,9 +8,7 @@ use crate::jobs::Inputs;
 use crate::jobs::scheduler::OutputCollector;
 use crate::store::StoreError;
 use configs::dataset::{DatasetConfig, PRESETS};
-use dataset_manifest::Manifest;
 use serde::{Deserialize, Serialize};
-use std::io;
 use utoipa::ToSchema;
 use utoipa::openapi::schema::Schema;
 
@@ -101,24 +99,8 @@ impl JobKind for DatasetParams {
         .concat()
     }
 
-    /// Moves the dataset to the folder of datasets and adds its record.
     async fn collect(&self, outputs: &mut OutputCollector<'_>) -> Result<(), StoreError> {
-        let (scheduler, out) = (outputs.scheduler, &outputs.folder);
-        // Idempotent: if the server is killed between two steps, the worker repeats its report.
-        let hash_file = scheduler.job_dir(&outputs.job.id).join("dataset");
-        let hash = match Manifest::read(out) {
-            Ok(manifest) => {
-                tokio::fs::write(&hash_file, &manifest.hash).await?;
-                manifest.hash
-            }
-            Err(error) => {
-                let hash = tokio::fs::read_to_string(&hash_file).await;
-                hash.map_err(|_| io::Error::other(error))?
-            }
-        };
-        let id = scheduler.add_dataset(out, &hash, Some(&outputs.job.id)).await?;
-        outputs.outputs.dataset_id = Some(id);
-        Ok(())
+        outputs.store_dataset().await
     }
 
     fn cost(&self) -> Cost {

@@ -6,6 +6,7 @@
 
 mod command_line;
 mod cost;
+mod dataset_adapt;
 mod dataset_generate;
 mod encoder_train;
 mod grasps_search;
@@ -35,6 +36,8 @@ use utoipa::openapi::schema::{AnyOfBuilder, Schema};
 table::job_kinds! {
     /// Generates demonstrations and point clouds.
     DatasetGenerate = "dataset.generate", "Generate dataset" => #[serde(default)] dataset_generate::DatasetParams;
+    /// Generates a dataset whose demonstrations end near the final configurations of a policy.
+    DatasetAdapt = "dataset.adapt", "Adapt dataset" => dataset_adapt::AdaptationParams;
     /// Trains the autoencoder on the point clouds of a dataset.
     EncoderTrain = "encoder.train", "Train encoder" => encoder_train::EncoderParams;
     /// Trains a policy on the demonstrations of a dataset, with a trained encoder.
@@ -119,6 +122,7 @@ mod tests {
         let cases = [
             (Kind::DatasetGenerate, json!({})),
             (Kind::DatasetGenerate, mesh.clone()),
+            (Kind::DatasetAdapt, json!({ "dataset_id": "ds_1", "model_id": "mdl_1" })),
             (Kind::EncoderTrain, json!({ "dataset_id": "ds_1" })),
             (Kind::PolicyTrain, json!({ "dataset_id": "ds_1", "encoder_id": "mdl_1" })),
             (Kind::PolicyEvaluate, json!({ "model_id": "mdl_1", "object": "bleach" })),
@@ -159,6 +163,12 @@ mod tests {
             (Kind::PolicyEvaluate, json!({ "model_id": "x", "object": "bleach", "up": "y" }), "up"),
             (Kind::GraspsSearch, json!({ "object": "bleach", "effort": "huge" }), "effort"),
             (Kind::GraspsSearch, json!({}), "object"),
+            (Kind::DatasetAdapt, json!({ "dataset_id": "ds_1" }), "model_id"),
+            (
+                Kind::DatasetAdapt,
+                json!({ "dataset_id": "x", "model_id": "y", "threads": 5000 }),
+                "threads",
+            ),
             (Kind::EncoderTrain, json!({}), "dataset_id"),
             (Kind::EncoderTrain, json!({ "dataset_id": "x", "steps": 0 }), "steps"),
             (

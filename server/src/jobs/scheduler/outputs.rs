@@ -6,6 +6,7 @@ use crate::jobs::{Job, Outputs};
 use crate::model_manifest::model_id;
 use crate::store::{Artifact, EventType, NewEvent, RecordKind, StoreError};
 use chrono::Utc;
+use dataset_manifest::Manifest;
 use policy::model::MODEL_FILES;
 use serde_json::{Value, json};
 use std::io;
@@ -58,6 +59,25 @@ impl OutputCollector<'_> {
             }
         }
         Ok(artifacts)
+    }
+
+    /// Moves the dataset in the folder to that of the datasets and adds its record.
+    pub(crate) async fn store_dataset(&mut self) -> Result<(), StoreError> {
+        // Idempotent: if the server is killed between two steps, the worker repeats its report.
+        let hash_file = self.scheduler.job_dir(&self.job.id).join("dataset");
+        let hash = match Manifest::read(&self.folder) {
+            Ok(manifest) => {
+                tokio::fs::write(&hash_file, &manifest.hash).await?;
+                manifest.hash
+            }
+            Err(error) => {
+                let hash = tokio::fs::read_to_string(&hash_file).await;
+                hash.map_err(|_| io::Error::other(error))?
+            }
+        };
+        let id = self.scheduler.add_dataset(&self.folder, &hash, Some(&self.job.id)).await?;
+        self.outputs.dataset_id = Some(id);
+        Ok(())
     }
 
     /// Stores a trained model with its checkpoints. `kind`: `encoder` or `policy`.
