@@ -98,11 +98,12 @@ function identifierOf(text: string, identifiers: readonly string[]): string {
   return identifiers.includes(identifier.split(".")[0]!) ? identifier : text;
 }
 
-// Names of the parameters that must be given: those of the schema, an object or a mesh where no preset has objects,
-// and the mass of a mesh.
+// Names of the parameters that must be given: those of the schema, an object or a mesh where neither a preset nor a
+// dataset has objects, and the mass of a mesh.
 export function requiredNames(required: readonly string[], inputs: ReadonlyMap<string, Field>): string[] {
   const isEmpty = (name: string) => inputs.get(name)?.value === "";
-  const needsObject = inputs.has("object") && !inputs.has("preset") && isEmpty("mesh_id");
+  const hasObjects = inputs.has("preset") || inputs.has("dataset_id");
+  const needsObject = inputs.has("object") && !hasObjects && isEmpty("mesh_id");
   const needsMass = inputs.has("mesh_id") && inputs.has("mass_kg") && !isEmpty("mesh_id") && isEmpty("density_kg_m3");
   return [...required, ...(needsObject ? ["object"] : []), ...(needsMass ? ["mass_kg"] : [])];
 }
