@@ -248,7 +248,7 @@ function nextStep({ kind, params, outputs: { dataset_id, model_id } }: Job): HTM
   const form = (kind: string, values: Record<string, string>) =>
     link(`new?${new URLSearchParams({ kind, ...values })}`, KINDS[kind] ?? kind);
   // The policy to which a dataset is adapted has an encoder for it.
-  if (kind === "dataset.adapt") return form("policy.train", { dataset_id: dataset_id ?? "", encoder_id: String(params["model_id"]) });
+  if (dataset_id && kind === "dataset.adapt") return form("policy.train", { dataset_id, encoder_id: String(params["model_id"]) });
   if (dataset_id) return form("encoder.train", { dataset_id });
   if (!model_id) return null;
   if (kind === "policy.train") return form("policy.evaluate", { model_id });

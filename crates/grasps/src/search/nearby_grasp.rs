@@ -38,7 +38,7 @@ const NUM_REPEATS: usize = 3;
 pub const MIN_REPEAT_SUCCESSES: usize = 2;
 
 /// Error of the palm in these trials along each of its axes (m) and about each (rad), and range of the fraction of the
-/// squeeze. The error is about half of that in [`robustness`](crate::search::robustness).
+/// squeeze. The shift is about half of that in [`robustness`](crate::search::robustness).
 const PALM_SHIFT: f64 = 0.008;
 const PALM_TURN: f64 = 0.08;
 const SQUEEZE_FRACTION: [f64; 2] = [0.7, 1.0];
